@@ -8,27 +8,13 @@ mod common;
 mod played_controller;
 
 use client::{Client, ScenePublisher};
-use common::{PATIENCE, World, request, until};
+use common::{PATIENCE, World, assert_refused, executed, request, until};
 use played_controller::{PlayedController, plan};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{CommandSender, LoopState, Outcome, ProcessKind, StartKind};
 use shared_types::ipc::*;
 use shared_types::message::*;
-use shared_types::valid::{self, PlanReport, PlanRequest};
-
-fn executed() -> PlanRequest {
-    PlanRequest {
-        execute: true,
-        ..request()
-    }
-}
-
-fn assert_refused(report: &PlanReport, reason: &str) {
-    assert_eq!(report.outcome, Outcome::ExecutionRefused, "{report:?}");
-    assert!(report.reason.contains(reason), "{}", report.reason);
-    assert_eq!(report.trajectory_id, None);
-    assert!(!report.candidates.is_empty(), "planned all the same");
-}
+use shared_types::valid::{self, PlanRequest};
 
 fn ball(centre_m: [f64; 3]) -> MovingBall {
     MovingBall {
@@ -109,73 +95,6 @@ fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
         daemon.said().contains("ordered to stop"),
         "{}",
         daemon.said()
-    );
-}
-
-/// A ball that crosses the straight way of [`request`], in its middle at a time, where it is now.
-fn crossing(in_the_middle_mono_ns: i64) -> MovingBall {
-    let velocity_m_s = [0.0, -0.8, 0.0];
-    let early_s = (in_the_middle_mono_ns - mono_now_ns()) as f64 * 1e-9;
-    MovingBall {
-        centre_m: [0.75, 0.15 - velocity_m_s[1] * early_s, 2.7],
-        radius_m: 0.15,
-        velocity_m_s,
-    }
-}
-
-#[test]
-fn a_ball_that_crosses_the_way_is_waited_for_or_passed_by_without_a_stop() {
-    let world = World::new();
-    let daemon = world.start(&world.configuration(""));
-    let mut client = Client::connect(&world.options).unwrap();
-    client.wait_for_daemon(PATIENCE).unwrap();
-    let mut controller = PlayedController::start(&world.options);
-    let mut scenes = ScenePublisher::connect(&world.options, "test").unwrap();
-    let middle_mono_ns = mono_now_ns() + 2_000_000_000;
-    let lifetime = std::time::Duration::from_millis(300);
-    let unaware = PlanRequest {
-        ignores_live_scene: true,
-        ..executed()
-    };
-    scenes
-        .publish(&[crossing(middle_mono_ns)], lifetime)
-        .unwrap();
-    scenes.confirm(PATIENCE).unwrap();
-    let refused = plan(&mut client, &mut controller, &unaware);
-    assert_refused(refused.report(), "the live scene is in the way");
-
-    scenes
-        .publish(&[crossing(middle_mono_ns)], lifetime)
-        .unwrap();
-    scenes.confirm(PATIENCE).unwrap();
-    let answer = plan(&mut client, &mut controller, &executed());
-    let report = answer.report();
-    assert_eq!(report.outcome, Outcome::Ok, "{}", report.reason);
-    let trajectory = until(|| controller.trajectory());
-    let duration_s = trajectory.knots[trajectory.knots.len() - 1].time_s;
-    // A sensor of 50 Hz goes on to tell of the ball, while the controller does what it was told to.
-    for round in 0.. {
-        if round % 10 == 0 {
-            scenes
-                .publish(&[crossing(middle_mono_ns)], lifetime)
-                .unwrap();
-        }
-        let passed_s = (mono_now_ns() - trajectory.begin_mono_ns) as f64 * 1e-9;
-        if passed_s >= 0.0 {
-            controller.state.state = LoopState::Executing.code();
-            controller.state.trajectory_id = trajectory.id;
-            controller.state.trajectory_time_s = passed_s;
-        }
-        if passed_s > duration_s {
-            break;
-        }
-        controller.cycle();
-        assert_eq!(controller.stops, 0, "at {passed_s} s: {}", daemon.said());
-        std::thread::sleep(std::time::Duration::from_millis(2));
-    }
-    assert!(
-        mono_now_ns() > middle_mono_ns,
-        "the ball has passed while the motion was under way"
     );
 }
 

@@ -10,5 +10,6 @@ pub(crate) mod moving_balls;
 pub(crate) mod obstacles;
 pub(crate) mod remaining_pieces;
 pub(crate) mod scene_at_rest;
+pub(crate) mod standing;
 pub(crate) mod trajectory;
 pub(crate) mod verdict;

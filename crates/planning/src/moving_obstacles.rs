@@ -25,6 +25,17 @@ pub struct MovingBalls {
     pub spread: TimeSpread,
 }
 
+impl MovingBalls {
+    /// By how much they may be behind or ahead of a motion on which a stop takes so long.
+    fn spread_with(&self, stop_s: f64) -> TimeSpread {
+        TimeSpread {
+            earliest: self.spread.earliest - stop_s,
+            latest: self.spread.latest + stop_s,
+            seen: self.spread.seen,
+        }
+    }
+}
+
 /// Balls that move while the robot does, as a motion must keep clear of them; none by default.
 #[derive(Clone, Debug, Default)]
 pub struct MovingObstacles {
@@ -138,14 +149,25 @@ impl MovingObstacles {
     ) -> Option<Vec<MovingBall>> {
         let mut covering = Vec::new();
         for source in self.sources.iter().filter(|it| !it.balls.is_empty()) {
-            let spread = TimeSpread {
-                earliest: source.spread.earliest - stop_s,
-                latest: source.spread.latest + stop_s,
-                seen: source.spread.seen,
-            };
+            let spread = source.spread_with(stop_s);
             covering.extend(spread.cover(cover, &source.balls, robot, times)?);
         }
         Some(covering)
+    }
+
+    /// Whether a robot that stands in a configuration (rad) from the end (s) of a motion on keeps clear of the balls, where a stop on the motion
+    /// takes so long.
+    pub(crate) fn stands_clear(
+        &self,
+        robot: &UnitRobot,
+        configuration: &Configuration,
+        stop_s: f64,
+        end_s: f64,
+    ) -> bool {
+        self.sources.iter().all(|source| {
+            let spread = source.spread_with(stop_s);
+            spread.stands_clear(&source.balls, robot, configuration, end_s)
+        })
     }
 
     /// The sets of balls, each of which covers by itself all places where the balls can be; each is made when it is asked for.

@@ -1,12 +1,13 @@
 //! Whether a motion that is not certified to its end may go on for another round: while a later stop is certified, too, another plan can be
 //! joined in time.
 
-use collision::Verdict;
 use trajectory::{Knot, Playback, Trajectory};
 
 use super::rules::{ExecutionRules, ORDER_DELAY_S};
-use super::supervised_motion::{SupervisedMotion, blocked};
-use crate::live_scene::{Certificates, LiveScene, RemainingMotion, Timing, UNSUPERVISED_S};
+use super::supervised_motion::SupervisedMotion;
+use crate::live_scene::{
+    Certificates, InTheWay, LiveScene, RemainingMotion, Timing, UNSUPERVISED_S,
+};
 
 /// Time until the next round of supervision has looked, s.
 const NEXT_ROUND_S: f64 = 0.01;
@@ -21,19 +22,33 @@ pub(super) struct Surroundings<'a> {
 }
 
 impl Surroundings<'_> {
-    /// Certifies what is left of a motion from a path time (s) on, and requests a stop where that fails, unless the motion is replanned and a
-    /// later stop is certified.
+    /// Certifies what is left of a motion from a path time (s) on, and requests a stop where that fails, unless the motion goes on for another
+    /// round.
     pub(super) fn check(&self, motion: &mut SupervisedMotion, from_s: f64, timing: Timing) {
         let mut certificates = std::mem::take(&mut motion.certificates);
         let rest = self.rest(motion, &motion.motion, from_s, timing);
-        let reason = blocked(self.live.certify(&rest, &mut certificates));
+        let found = self.live.certify(&rest, &mut certificates).err();
         motion.certificates = certificates;
-        motion.is_blocked = reason.is_some();
-        if let Some(reason) = reason
-            && !(motion.is_replanned && self.has_a_later_stop(motion, from_s, timing))
+        motion.is_blocked = found.is_some();
+        if let Some(in_the_way) = found
+            && !self.goes_on(motion, in_the_way, from_s, timing)
         {
-            motion.request_stop(reason);
+            motion.request_stop(in_the_way.into());
         }
+    }
+
+    /// Whether a motion that is not certified goes on: one that is replanned, or one to whose end a ball comes, while a later stop is certified;
+    /// the latter also where a ball would come to where it is stopped now.
+    fn goes_on(
+        &self,
+        motion: &SupervisedMotion,
+        in_the_way: InTheWay,
+        from_s: f64,
+        timing: Timing,
+    ) -> bool {
+        let is_patient = motion.is_replanned || in_the_way == InTheWay::AtTheEnd;
+        (is_patient && self.has_a_later_stop(motion, from_s, timing))
+            || (in_the_way == InTheWay::AtTheEnd && !self.stands_clear_after_a_stop(motion, from_s))
     }
 
     fn rest<'a>(
@@ -62,11 +77,18 @@ impl Surroundings<'_> {
             return false;
         };
         let rest = self.rest(motion, &first_part, from_s, timing);
-        let place_s = stop_place_s(&motion.motion, from_s, self.rules);
+        self.live
+            .certify(&rest, &mut Certificates::default())
+            .is_ok()
+            && self.stands_clear_after_a_stop(motion, from_s + NEXT_ROUND_S)
+    }
+
+    /// Whether the robot would stay clear of what moves where it stands after a stop that is ordered at this path time, s.
+    fn stands_clear_after_a_stop(&self, motion: &SupervisedMotion, ordered_s: f64) -> bool {
+        let place_s = stop_place_s(&motion.motion, ordered_s, self.rules);
         let place = motion.motion.at(place_s).position;
         let padded = &self.rules.padded;
-        self.live.certify(&rest, &mut Certificates::default()) == Verdict::Free
-            && self.live.stays_clear(padded, &place, self.now_mono_ns)
+        self.live.stands_clear(padded, &place, self.now_mono_ns)
     }
 }
 
@@ -78,9 +100,9 @@ fn until(motion: &Trajectory, until_s: f64) -> Option<Trajectory> {
     Trajectory::new(first.to_vec()).ok()
 }
 
-/// Path time at which a stop ends that is ordered in the next round, at full rate, s.
-fn stop_place_s(motion: &Trajectory, from_s: f64, rules: &ExecutionRules) -> f64 {
-    let (mut time, mut rate, mut hint) = (from_s + NEXT_ROUND_S + ORDER_DELAY_S, 1.0, 0);
+/// Path time at which a stop ends that is ordered at this one, at full rate, s.
+fn stop_place_s(motion: &Trajectory, ordered_s: f64, rules: &ExecutionRules) -> f64 {
+    let (mut time, mut rate, mut hint) = (ordered_s + ORDER_DELAY_S, 1.0, 0);
     while rate > 0.0 && time < motion.duration() {
         let playback = Playback {
             knots: motion.knots(),

@@ -9,8 +9,7 @@ use super::controller_check::{check_controller, controller_there};
 use super::refusal::ExecutionRefusal;
 use super::request::SelectedMotion;
 use super::robot_motion::{RobotMotion, Switch};
-use super::stop_reason::StopReason;
-use super::supervised_motion::{SupervisedMotion, blocked};
+use super::supervised_motion::SupervisedMotion;
 use super::supervisor::{HeardOrders, Supervisor, robot_motion};
 use super::trajectory_id::next_id;
 use crate::knots;
@@ -148,12 +147,8 @@ impl Supervisor {
             stopping_s,
             lag_allowance_s: LAG_ALLOWANCE_S,
         };
-        match blocked(self.live.certify(&rest, &mut certificates)) {
-            Some(StopReason::SceneInTheWay { at_s }) => {
-                Err(ExecutionRefusal::SceneInTheWay { at_s })
-            }
-            _ => Ok(certificates),
-        }
+        self.live.certify(&rest, &mut certificates)?;
+        Ok(certificates)
     }
 
     fn send(

@@ -2,7 +2,7 @@
 
 use shared_types::codes::{LoopFault, LoopState};
 
-use crate::live_scene::SceneAbsence;
+use crate::live_scene::{InTheWay, SceneAbsence};
 
 /// Why a motion is planned but not published.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -49,9 +49,9 @@ pub(crate) enum ExecutionRefusal {
     /// The live scene is missing.
     #[error(transparent)]
     NoScene(#[from] SceneAbsence),
-    /// An obstacle of the live scene is in the way.
-    #[error("the live scene is in the way: not certified free at {at_s:.3} s of the motion")]
-    SceneInTheWay { at_s: f64 },
+    /// The motion is not certified free of the live scene.
+    #[error(transparent)]
+    SceneInTheWay(#[from] InTheWay),
     /// The motion under way to the same goal is nearly as fast.
     #[error("what remains of the motion under way, {remaining_s:.3} s, is not longer by a tenth")]
     NoBetter { remaining_s: f64 },

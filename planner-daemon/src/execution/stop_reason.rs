@@ -1,13 +1,13 @@
 //! Why this daemon has a motion stopped.
 
-use crate::live_scene::SceneAbsence;
+use crate::live_scene::{InTheWay, SceneAbsence};
 
 /// Why a motion is stopped.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum StopReason {
     /// The motion is not certified free of the live scene.
-    #[error("the live scene is in the way at {at_s:.3} s of it")]
-    SceneInTheWay { at_s: f64 },
+    #[error(transparent)]
+    SceneInTheWay(#[from] InTheWay),
     /// The live scene is missing.
     #[error(transparent)]
     NoScene(#[from] SceneAbsence),

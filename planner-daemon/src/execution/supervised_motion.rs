@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use collision::Verdict;
 use shared_types::clock::STATE_LIFETIME_NS;
 use shared_types::codes::LoopState;
 use shared_types::valid::ControllerState;
@@ -171,16 +170,6 @@ impl SupervisedMotion {
     /// Why the motion is to be stopped, if it is.
     pub(crate) fn stop_reason(&self) -> Option<StopReason> {
         self.stop
-    }
-}
-
-/// Why a motion is stopped that has this verdict, if it is.
-pub(super) fn blocked(verdict: Verdict) -> Option<StopReason> {
-    match verdict {
-        Verdict::Free => None,
-        Verdict::Colliding { at } | Verdict::Undecided { at } => {
-            Some(StopReason::SceneInTheWay { at_s: at })
-        }
     }
 }
 

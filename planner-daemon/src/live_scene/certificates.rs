@@ -1,6 +1,6 @@
 //! The certificates of the rest of a motion: the scenes and the timing for which each holds.
 
-use pcc_model::UnitRobot;
+use pcc_model::{Configuration, UnitRobot};
 use trajectory::Trajectory;
 
 use super::moving_ball_cover::{Stretch, Timing};
@@ -84,6 +84,14 @@ impl RemainingMotion<'_> {
             timing,
             until_s: self.motion.duration(),
         }
+    }
+
+    /// Where the robot stands after the motion, rad, which the certificate at the measured rate takes in; none where the motion ends in
+    /// motion.
+    pub(super) fn place_of_standing(&self, rate: RateAssumption) -> Option<Configuration> {
+        let end = self.motion.knots().last()?;
+        let rests = end.velocity == Configuration::zeros();
+        (rests && rate == RateAssumption::MeasuredRate).then_some(end.position)
     }
 
     /// The stretches to certify, with the rate that each assumes.

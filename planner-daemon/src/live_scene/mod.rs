@@ -2,6 +2,7 @@
 
 mod absence;
 mod certificates;
+mod in_the_way;
 mod inbox;
 mod moving_ball_cover;
 mod planned_scene;
@@ -13,6 +14,7 @@ mod verdict;
 
 pub(crate) use absence::SceneAbsence;
 pub(crate) use certificates::{Certificates, RemainingMotion};
+pub(crate) use in_the_way::InTheWay;
 pub(crate) use inbox::SceneInbox;
 pub(crate) use moving_ball_cover::{HEARTBEAT_TIMEOUT_NS, Stretch, Timing, UNSUPERVISED_S};
 pub(crate) use planned_scene::{ExpectedMotion, SceneSnapshot};

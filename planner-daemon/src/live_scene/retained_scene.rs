@@ -3,24 +3,27 @@
 use std::sync::Arc;
 
 use collision::{
-    Ball, Cover, MovingBall, Scene, SceneError, Verdict, certify_moving, certify_trajectory,
+    Ball, Cover, MovingBall, Scene, SceneError, TimeSpread, Verdict, certify_moving,
+    certify_trajectory,
 };
-use pcc_model::{Configuration, Point, SECTIONS, UnitRobot};
+use pcc_model::{Configuration, Point, UnitRobot};
 use shared_types::message;
 use shared_types::valid;
 
 use super::certificates::{RateAssumption, RemainingMotion};
+use super::in_the_way::InTheWay;
 use super::moving_ball_cover::{MovingBallCover, Stretch};
 
 /// Path time by which the certificate of a motion that may hurry reaches farther than it must, s, so that above half
 /// the rate it holds for some states; below, the times have shifted too far with each state, and it is made anew.
 const AHEAD_S: f64 = 0.1;
 
-/// Beyond this distance from the base no part of the robot is, section lengths.
-const REACH: f64 = SECTIONS as f64 + 0.5;
-/// Least distance of two balls that cover a way, section lengths, and most of them: a small ball's way is looked at as far as that.
-const LEAST_STEP: f64 = 0.02;
-const MOST_STEPS: f64 = 1000.0;
+/// Balls that are neither early nor late.
+const ON_TIME: TimeSpread = TimeSpread {
+    earliest: 0.0,
+    latest: 0.0,
+    seen: f64::NEG_INFINITY,
+};
 
 /// The balls of a scene, in the planner's units (lengths in sections).
 #[derive(Debug)]
@@ -83,24 +86,25 @@ impl RetainedScene {
         self.scene.balls == scene.balls && (self.balls.moving.is_empty() || has_same_times)
     }
 
-    /// The verdict, and for which stretch it holds.
+    /// For which stretch the rest of a motion, and standing at its end, is certified free of this scene.
     pub(super) fn certify(
         &self,
         rest: &RemainingMotion,
         rate: RateAssumption,
         mut stretch: Stretch,
-    ) -> (Verdict, Stretch) {
+    ) -> Result<Stretch, InTheWay> {
         if rate == RateAssumption::MeasuredRate {
-            let resting =
-                certify_trajectory(rest.padded, &self.balls.resting, rest.motion, rest.from_s);
-            if !resting.is_free() {
-                return (resting, stretch);
-            }
+            on_the_way(certify_trajectory(
+                rest.padded,
+                &self.balls.resting,
+                rest.motion,
+                rest.from_s,
+            ))?;
         } else {
             stretch.until_s = (stretch.until_s + AHEAD_S).min(rest.motion.duration());
         }
         if self.balls.moving.is_empty() {
-            return (Verdict::Free, stretch);
+            return Ok(stretch);
         }
         let cover = MovingBallCover {
             timing: stretch.timing,
@@ -115,43 +119,33 @@ impl RetainedScene {
         let covers = Cover::ALL.into_iter();
         let covers = covers.filter_map(|kind| spread.cover(kind, &balls, rest.padded, times));
         let verdicts = covers.map(|balls| certify_moving(rest.padded, &balls, rest.motion, times));
-        (free_or_first(verdicts), stretch)
+        on_the_way(free_or_first(verdicts))?;
+        let stands = |at| spread.stands_clear(&balls, rest.padded, &at, rest.motion.duration());
+        match rest.place_of_standing(rate).is_none_or(stands) {
+            true => Ok(stretch),
+            false => Err(InTheWay::AtTheEnd),
+        }
     }
 
-    /// Whether a robot that stays in a configuration, rad, keeps clear of the balls that move, as far as these keep their velocities.
-    pub(super) fn stays_clear(
+    /// Whether a robot that stands in a configuration, rad, keeps clear of the balls that move, as far as these keep their velocities.
+    pub(super) fn stands_clear(
         &self,
         padded: &UnitRobot,
         configuration: &Configuration,
         now_mono_ns: i64,
     ) -> bool {
         let age_s = (now_mono_ns - self.scene.stamp_mono_ns) as f64 * 1e-9;
-        self.balls.moving.iter().all(|moving| {
-            let way = Scene::new(way_ahead(moving, age_s, REACH).collect());
-            way.is_ok_and(|way| way.clearance_at(padded, configuration) > 0.0)
-        })
+        ON_TIME.stands_clear(&self.balls.moving, padded, configuration, age_s)
     }
 }
 
-/// Balls that cover the way of a ball from a time, s, on until it is beyond `reach` of the base for good.
-fn way_ahead(moving: &MovingBall, from_s: f64, reach: f64) -> impl Iterator<Item = Ball> {
-    let MovingBall { ball, velocity } = *moving;
-    let from = moving.at(from_s).centre;
-    let speed = velocity.norm();
-    let step = ball.radius.max(LEAST_STEP);
-    let direction = velocity / speed.max(f64::MIN_POSITIVE);
-    // The ball leaves the sphere of reach at the farther of its two places on the way; it has left where that lies behind.
-    let along = from.dot(&direction);
-    let reach = reach + ball.radius;
-    let leaves = (along * along - from.norm_squared() + reach * reach)
-        .max(0.0)
-        .sqrt()
-        - along;
-    let steps = (leaves / step).ceil().clamp(0.0, MOST_STEPS);
-    (0..=steps as usize).map(move |index| Ball {
-        centre: from + direction * (step * index as f64),
-        radius: ball.radius.hypot(0.5 * step),
-    })
+fn on_the_way(verdict: Verdict) -> Result<(), InTheWay> {
+    match verdict {
+        Verdict::Free => Ok(()),
+        Verdict::Colliding { at } | Verdict::Undecided { at } => {
+            Err(InTheWay::OnTheWay { at_s: at })
+        }
+    }
 }
 
 /// The verdict that a motion is free, if one says so; else the first one.

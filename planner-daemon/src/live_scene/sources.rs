@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use collision::Verdict;
 use pcc_model::{Configuration, UnitRobot};
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::PresentPublisher;
@@ -11,6 +10,7 @@ use shared_types::valid::{self, Invalid, SourceName, stamp_refusal};
 
 use super::absence::SceneAbsence;
 use super::certificates::{Certificate, Certificates, RemainingMotion};
+use super::in_the_way::InTheWay;
 use super::planned_scene::{SceneSnapshot, SourceSnapshot};
 use super::publishers::{FIRST_SCENE_TIMEOUT_NS, PublisherStatus, Publishers};
 use super::retained_scene::RetainedScene;
@@ -396,19 +396,20 @@ impl LiveScene {
         ended.or_else(|| self.publishers.absence(now_mono_ns, first_scene_timeout_ns))
     }
 
-    /// Certifies what is left of a motion against every source's scene, those that it was not certified for yet; small scenes
-    /// first, so that a large one does not delay their verdicts.
+    /// Certifies what is left of a motion, and standing at its end, against every source's scene, those that it was not certified for yet; small
+    /// scenes first, so that a large one does not delay their verdicts. What is in the way before the end is told first.
     pub(crate) fn certify(
         &self,
         rest: &RemainingMotion,
         certificates: &mut Certificates,
-    ) -> Verdict {
+    ) -> Result<(), InTheWay> {
         let latest = || {
             self.sources
                 .iter()
                 .filter_map(|source| source.latest.as_ref())
         };
         certificates.keep_only(|version| latest().any(|latest| latest.version == version));
+        let mut at_the_end = Ok(());
         for (rate, stretch) in rest.stretches() {
             let certificate = |latest: &RetainedScene, stretch| Certificate {
                 version: latest.version,
@@ -421,18 +422,18 @@ impl LiveScene {
             let mut open: Vec<&RetainedScene> = latest().filter(is_open).collect();
             open.sort_by_key(|latest| latest.scene.balls.len());
             for latest in open {
-                let (verdict, stretch) = latest.certify(rest, rate, stretch);
-                if !verdict.is_free() {
-                    return verdict;
+                match latest.certify(rest, rate, stretch) {
+                    Ok(stretch) => certificates.renew(certificate(latest, stretch)),
+                    Err(InTheWay::AtTheEnd) => at_the_end = Err(InTheWay::AtTheEnd),
+                    on_the_way => return on_the_way.map(|_| ()),
                 }
-                certificates.renew(certificate(latest, stretch));
             }
         }
-        Verdict::Free
+        at_the_end
     }
 
-    /// Whether a robot that stays in a configuration, rad, keeps clear of all obstacles that move, as far as these keep their velocities.
-    pub(crate) fn stays_clear(
+    /// Whether a robot that stands in a configuration, rad, keeps clear of all obstacles that move, as far as these keep their velocities.
+    pub(crate) fn stands_clear(
         &self,
         padded: &UnitRobot,
         configuration: &Configuration,
@@ -443,7 +444,7 @@ impl LiveScene {
             .iter()
             .filter_map(|source| source.latest.as_ref());
         let mut scenes = latest.filter(|latest| latest.moves());
-        scenes.all(|latest| latest.stays_clear(padded, configuration, now_mono_ns))
+        scenes.all(|latest| latest.stands_clear(padded, configuration, now_mono_ns))
     }
 }
 

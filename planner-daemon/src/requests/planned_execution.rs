@@ -71,7 +71,7 @@ fn advice(refusal: &ExecutionRefusal) -> String {
         | ExecutionRefusal::StartsElsewhere { .. } => {
             format!("{refusal}; plan again from where the robot is")
         }
-        ExecutionRefusal::SceneInTheWay { .. } => format!("{refusal}; plan again"),
+        ExecutionRefusal::SceneInTheWay(_) => format!("{refusal}; plan again"),
         _ => refusal.to_string(),
     }
 }
@@ -79,6 +79,7 @@ fn advice(refusal: &ExecutionRefusal) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::live_scene::InTheWay;
     use shared_types::capacity::REASON_BYTES;
 
     #[test]
@@ -104,7 +105,8 @@ mod tests {
                 ExecutionRefusal::StartsElsewhere { distance_rad: 1.0 },
                 "away from the commanded configuration",
             ),
-            (ExecutionRefusal::SceneInTheWay { at_s: 1.0 }, "in the way"),
+            (InTheWay::OnTheWay { at_s: 1.0 }.into(), "in the way"),
+            (InTheWay::AtTheEnd.into(), "where it ends"),
         ] {
             let advice = advice(&refusal);
             assert!(

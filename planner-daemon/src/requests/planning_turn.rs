@@ -416,7 +416,7 @@ impl InFlight {
     fn made_again(&self, published: &Result<u32, ExecutionRefusal>) -> Option<Attempt> {
         let is_out_of_date = matches!(
             published,
-            Err(ExecutionRefusal::SwitchMissed { .. } | ExecutionRefusal::SceneInTheWay { .. })
+            Err(ExecutionRefusal::SwitchMissed { .. } | ExecutionRefusal::SceneInTheWay(_))
         );
         let is_wanted = self.queued.asker.is_waiting();
         let is_in_time = Instant::now() < self.queued.deadline();

@@ -12,8 +12,9 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
+use shared_types::codes::Outcome;
 use shared_types::ipc::IpcOptions;
-use shared_types::valid::{Goal, PlanRequest};
+use shared_types::valid::{Goal, PlanReport, PlanRequest};
 
 /// Longer than anything takes that does not hang.
 pub const PATIENCE: Duration = Duration::from_secs(60);
@@ -166,4 +167,20 @@ pub fn request() -> PlanRequest {
         }],
         ..PlanRequest::new([0.0; 6], goal)
     }
+}
+
+/// The same, to be executed.
+pub fn executed() -> PlanRequest {
+    PlanRequest {
+        execute: true,
+        ..request()
+    }
+}
+
+/// That it was planned, and is not executed for this reason.
+pub fn assert_refused(report: &PlanReport, reason: &str) {
+    assert_eq!(report.outcome, Outcome::ExecutionRefused, "{report:?}");
+    assert!(report.reason.contains(reason), "{}", report.reason);
+    assert_eq!(report.trajectory_id, None);
+    assert!(!report.candidates.is_empty(), "planned all the same");
 }

@@ -36,6 +36,12 @@ impl Cover {
     pub const ALL: [Self; 2] = [Self::MovingAlong, Self::SinceSeen];
 }
 
+/// Distance from the base that no part of the robot is beyond, a length.
+pub(crate) fn reach(robot: &Robot) -> f64 {
+    let length: f64 = robot.section_lengths.iter().sum();
+    length + robot.largest_tube_radius()
+}
+
 impl TimeSpread {
     /// Balls that cover all of `balls` during `times` (s of the trajectory), at most eight for each; those that the robot cannot reach are left
     /// out. None where it is not known when the balls were seen, and that is asked for.
@@ -47,8 +53,7 @@ impl TimeSpread {
         robot: &Robot,
         times: [f64; 2],
     ) -> Option<Vec<MovingBall>> {
-        let length: f64 = robot.section_lengths.iter().sum();
-        let reach = length + robot.largest_tube_radius();
+        let reach = reach(robot);
         let chain = match cover {
             Cover::MovingAlong => self.moving_along(times),
             Cover::SinceSeen => self.since_seen(times)?,

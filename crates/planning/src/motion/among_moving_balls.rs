@@ -18,8 +18,12 @@ use trajectory::{Knot, Trajectory};
 const ROUNDS: usize = 3;
 /// Step between the times for which the robot waits at the start, s.
 const WAIT_STEP_S: f64 = 0.25;
-/// Steps that the robot waits at most: 6 s.
+/// Steps that the robot waits at most.
 const WAIT_STEPS: u32 = 24;
+/// Halvings of the step after which a motion can begin.
+const WAIT_HALVINGS: usize = 3;
+/// Longest wait at the start, s.
+const LONGEST_WAIT_S: f64 = WAIT_STEP_S * WAIT_STEPS as f64;
 /// Shares of the tendon limits of slower motions along the same path, in the order in which they are tried.
 const SLOWER: [f64; 3] = [0.7, 0.5, 0.35];
 /// Samples of a motion by which the times of its waypoints are known.
@@ -79,6 +83,9 @@ impl MotionConstraints<'_> {
     /// The fastest motion that keeps clear of the balls, along a path whose `motion` is certified among the obstacles at rest or beside it.
     fn past_the_balls(&self, path: &Waypoints, motion: &Trajectory) -> Option<Motion> {
         let along = |motion| (path.clone(), motion);
+        if !self.stands_clear(motion, LONGEST_WAIT_S) {
+            return None;
+        }
         if let Ok(direct) = self.certified(motion.clone()) {
             return Some(along(direct));
         }
@@ -142,7 +149,7 @@ impl MotionConstraints<'_> {
         if motion.knots().len() >= self.knots {
             return None;
         }
-        let until = motion.duration() + WAIT_STEP_S * f64::from(WAIT_STEPS);
+        let until = motion.duration() + LONGEST_WAIT_S;
         let covers = self.moving.covers(self.padded, USUAL_STOP_S, [0.0, until]);
         let waiting = covers.filter_map(|covering| self.waiting_for(motion, &covering));
         waiting.min_by(|a, b| a.metrics.duration_s.total_cmp(&b.metrics.duration_s))
@@ -159,22 +166,50 @@ impl MotionConstraints<'_> {
             covering.iter().map(later).collect::<Vec<_>>()
         };
         let rest = resting(&motion.knots()[0].position, WAIT_STEP_S)?;
+        let begun = |wait_s: f64| {
+            let is_clear = self.stands_clear(motion, wait_s)
+                && certify_moving(self.padded, &after(wait_s), motion, [0.0, duration]).is_free();
+            is_clear.then(|| self.certified(begun_after(motion, wait_s)?).ok())?
+        };
         for step in 0..WAIT_STEPS {
-            let from = after(WAIT_STEP_S * f64::from(step));
+            let from_s = WAIT_STEP_S * f64::from(step);
             if (self.interrupt)()
-                || !certify_moving(self.padded, &from, &rest, [0.0, WAIT_STEP_S]).is_free()
+                || !certify_moving(self.padded, &after(from_s), &rest, [0.0, WAIT_STEP_S]).is_free()
             {
                 return None;
             }
-            let wait_s = WAIT_STEP_S * f64::from(step + 1);
-            let moved = certify_moving(self.padded, &after(wait_s), motion, [0.0, duration]);
-            if moved.is_free()
-                && let Ok(certified) = self.certified(begun_after(motion, wait_s)?)
-            {
-                return Some(certified);
+            if let Some(certified) = begun(from_s + WAIT_STEP_S) {
+                return Some(self.sooner(from_s, certified, motion, begun));
             }
         }
         None
+    }
+
+    /// The motion that begins a step after a time (s) for which none begins, or one that begins sooner.
+    fn sooner(
+        &self,
+        from_s: f64,
+        mut latest: Certified,
+        motion: &Trajectory,
+        begun: impl Fn(f64) -> Option<Certified>,
+    ) -> Certified {
+        let mut too_soon_s = from_s;
+        for _ in 0..WAIT_HALVINGS {
+            let wait_s = latest.metrics.duration_s - motion.duration();
+            let middle_s = 0.5 * (too_soon_s + wait_s);
+            match begun(middle_s) {
+                Some(sooner) => latest = sooner,
+                None => too_soon_s = middle_s,
+            }
+        }
+        latest
+    }
+
+    /// Whether balls no longer come to the end of a motion that begins after a wait.
+    fn stands_clear(&self, motion: &Trajectory, wait_s: f64) -> bool {
+        let end_s = wait_s + motion.duration();
+        self.moving
+            .stands_clear(self.padded, &motion.end(), USUAL_STOP_S, end_s)
     }
 
     /// The fastest of some slower motions along a path that is certified.

@@ -18,6 +18,9 @@ use trajectory::{
 /// win 0.83 of the shortest stop in the median, six 0.88 in nearly twice the time.
 const BRAKING_SHARES: [f64; 2] = [0.9, 0.5];
 
+/// Others, where these two win little.
+const OTHER_SHARES: [f64; 4] = [0.98, 0.7, 0.3, 0.15];
+
 /// Halvings of a segment by which its bending is bounded at most.
 const HALVINGS: usize = 4;
 /// Shortest of the longest stops of motions that are not very short, s: the first look at moving balls is by it.
@@ -78,10 +81,15 @@ impl<'a> MotionConstraints<'a> {
         duration_bound::least_duration_s(self.robot, &self.limits, path)
     }
 
-    /// Times a path of 64 waypoints from rest to rest; among moving balls one knot is left for a wait.
+    /// Times a path of 64 waypoints from rest to rest.
     pub(crate) fn time(&self, path: &[Configuration]) -> Result<Trajectory, Failure> {
+        self.parameterize(path, self.knots_after_a_wait())
+    }
+
+    /// Knots that a motion from rest may have: among moving balls one is left for a wait.
+    pub(super) fn knots_after_a_wait(&self) -> usize {
         let of_a_wait = usize::from(!self.moving.is_empty());
-        self.parameterize(path, self.knots.saturating_sub(of_a_wait))
+        self.knots.saturating_sub(of_a_wait)
     }
 
     /// Times a path from rest to rest with at most so many knots.
@@ -103,12 +111,14 @@ impl<'a> MotionConstraints<'a> {
     }
 
     /// A certified motion along a path that begins where a robot in this state can rest, from the state on, if it takes less than
-    /// `stop_then_go_s`: the path begins while the robot still brakes, or, where that is not certified, as soon as it has braked.
+    /// `stop_then_go_s`: the path begins while the robot still brakes, or, where that is not certified, as soon as it has braked. Where it is
+    /// faster by less than `little_s`, more ways to brake are tried.
     pub(crate) fn certified_from(
         &self,
         state: &Knot,
         path: &[Configuration],
         stop_then_go_s: f64,
+        little_s: f64,
     ) -> Option<Certified> {
         let options = with_knots(self.knots);
         let with_shares = |shares: &[f64]| {
@@ -116,7 +126,20 @@ impl<'a> MotionConstraints<'a> {
             let is_faster = joined.duration() < stop_then_go_s;
             is_faster.then(|| self.certified(joined).ok())?
         };
-        with_shares(&BRAKING_SHARES).or_else(|| with_shares(&[]))
+        let usual = with_shares(&BRAKING_SHARES);
+        let gain_s = |joined: &Certified| stop_then_go_s - joined.metrics.duration_s;
+        if usual
+            .as_ref()
+            .is_some_and(|joined| gain_s(joined) > little_s)
+        {
+            return usual;
+        }
+        let others = OTHER_SHARES
+            .iter()
+            .filter_map(|share| with_shares(&[*share]));
+        let all = usual.into_iter().chain(others);
+        let fastest = all.min_by(|a, b| a.metrics.duration_s.total_cmp(&b.metrics.duration_s));
+        fastest.or_else(|| with_shares(&[]))
     }
 
     /// Times a path to rest at its end: from rest, or from a state from which the robot can rest at the path's begin.
@@ -157,7 +180,7 @@ impl<'a> MotionConstraints<'a> {
         timed.map_err(|_| Failure::Time)
     }
 
-    /// Certifies the executed curve: whole body, whole motion, bending; its smallest clearance, section lengths, from obstacles at rest
+    /// Certifies the executed curve: whole body, whole motion, bending, and standing at its end while balls move; its smallest clearance, section lengths, from obstacles at rest
     /// and from the balls that cover those that move.
     pub(crate) fn certify(&self, trajectory: &Trajectory) -> Result<f64, Failure> {
         if !self.keeps_bending(trajectory) {
@@ -174,11 +197,18 @@ impl<'a> MotionConstraints<'a> {
             .ok_or(Failure::Collision)
     }
 
-    /// Balls that cover all places where those that move can be during a motion, by its longest stop, and of which it is clear;
-    /// [`Failure::Collision`] where it is not clear of those by a stop that is hardly ever shorter, which is known sooner.
+    /// Balls that cover all places where those that move can be during a motion, by its longest stop, and of which it is clear, where a robot
+    /// that then stands at its end keeps clear of them, too; [`Failure::Collision`] also where either is not so by a stop that is hardly
+    /// ever shorter, which is known sooner.
     fn covering_for_certain(&self, motion: &Trajectory) -> Result<Vec<MovingBall>, Failure> {
         let times = [0.0, motion.duration()];
         let clear_of = |stop_s| {
+            if !self
+                .moving
+                .stands_clear(self.padded, &motion.end(), stop_s, times[1])
+            {
+                return Err(Failure::Collision);
+            }
             let mut covers = self.moving.covers(self.padded, stop_s, times);
             let is_clear = |covering: &Vec<MovingBall>| {
                 certify_moving(self.padded, covering, motion, times).is_free()

@@ -51,9 +51,20 @@ impl MotionConstraints<'_> {
     /// are found; from rest, or from a state from which the robot can rest at the first leg's begin.
     pub(crate) fn through(&self, legs: &[Leg], state: Option<&Knot>) -> Result<Through, Failure> {
         let blends = BLENDS.map(|blend| vec![blend; legs.len() - 1]);
-        if let Some(smooth) = self.shortest(legs, &blends, state, self.knots) {
+        let knots = state.map_or_else(|| self.knots_after_a_wait(), |_| self.knots);
+        if let Some(smooth) = self.shortest(legs, &blends, state, knots) {
             return Ok(smooth);
         }
+        let rests = self.among_resting().with_rests(legs, state)?;
+        if self.moving.is_empty() {
+            return Ok(rests);
+        }
+        let motion = rests.motion.trajectory.as_ref().clone();
+        self.certified_through(motion, &rests.passages, state)
+    }
+
+    /// The same with rest at as few vias as are found.
+    fn with_rests(&self, legs: &[Leg], state: Option<&Knot>) -> Result<Through, Failure> {
         let (mut whole, mut begin) = (None, 0);
         while begin < legs.len() {
             if (self.interrupt)() {
@@ -146,8 +157,27 @@ impl MotionConstraints<'_> {
         timed.sort_by(|a, b| a.0.duration().total_cmp(&b.0.duration()));
         timed.into_iter().find_map(|(motion, path)| {
             let Timed { motion, passages } = self.exact(motion, path, legs, state, knots)?;
-            let motion = self.certified(motion).ok()?;
-            Some(Through { motion, passages })
+            self.certified_through(motion, &passages, state).ok()
+        })
+    }
+
+    /// The motion if it is certified, or, where it begins at rest, one that is when it begins later.
+    fn certified_through(
+        &self,
+        motion: Trajectory,
+        passages: &[Passage],
+        state: Option<&Knot>,
+    ) -> Result<Through, Failure> {
+        let duration_s = motion.duration();
+        let motion = match state {
+            None => self.certified_or_waiting(motion)?,
+            Some(_) => self.certified(motion)?,
+        };
+        let wait_s = motion.trajectory.duration() - duration_s;
+        let passages = passages.iter().map(|passage| passage.later(wait_s));
+        Ok(Through {
+            motion,
+            passages: passages.collect(),
         })
     }
 

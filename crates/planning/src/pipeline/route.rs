@@ -4,6 +4,7 @@
 
 use crate::error::PlannerError;
 use crate::motion::through::{Leg, Through};
+use crate::moving_obstacles::MovingObstacles;
 use crate::path::waypoints::resample;
 use crate::pipeline::answer::from_rest;
 use crate::pipeline::braking::Braking;
@@ -176,7 +177,8 @@ impl Route<'_> {
         Ok(legs)
     }
 
-    /// The fastest motion between two configurations that a request of its own finds.
+    /// The fastest motion between two configurations that a request of its own finds, among the obstacles at rest: when the leg begins, and so
+    /// where the others are then, is known only of the whole route.
     fn leg(
         &self,
         index: usize,
@@ -194,6 +196,7 @@ impl Route<'_> {
         let problem = Problem {
             start,
             goal: Goal::Configuration(end),
+            moving: MovingObstacles::default(),
             ..problem.clone()
         };
         let request = Request {

@@ -7,18 +7,23 @@
 
 use crate::limits::tendon_rows::TendonRows;
 use crate::{Knot, LimitUse, Trajectory};
-use pcc_model::TendonLimits;
+use pcc_model::{Configuration, TendonLimits};
 
 /// A limit that is exceeded by this part of itself or less is kept: that much is rounding.
-const ROUNDING: f64 = 1e-9;
+const ROUNDING: f64 = 2e-7;
 /// Halvings of the interval in which the shortest parabola's duration lies.
 const HALVINGS: usize = 12;
 /// Rounds in which the duration of a swing and the share of the jerk limit that what points aside needs are fitted to each other.
 const ROUNDS: usize = 4;
-/// The parts of a swing are at least this share of it, so that knots keep apart.
-const SHORTEST_PART: f64 = 0.01;
+/// Halvings of the room that a swing leaves to what points aside.
+const ROOMS: usize = 4;
+/// A part of a swing below this share of it is not passed at a limit of the jerk: between knots so near, rounding is more than is kept.
+const SHORT_PART: f64 = 0.01;
+/// It lasts longer by this factor, at less jerk, and at least this share of the swing.
+const LONGER: f64 = 1.5;
+const SHORTEST_PART: f64 = 0.003;
 /// Stops are at least so long, in times in which the acceleration rises to its limit: less is nothing to win, and knots keep apart.
-const SHORTEST_STOP: f64 = 0.02;
+const SHORTEST_STOP: f64 = 0.01;
 
 /// The shortest of the stops of this file from a state that keeps the acceleration and jerk limits, if one is shorter than `longest_s`.
 pub(super) fn shorter_stop(
@@ -32,7 +37,7 @@ pub(super) fn shorter_stop(
         most.acceleration.max(most.jerk) <= 1.0 + ROUNDING
     };
     let least_s = SHORTEST_STOP * limits.acceleration / limits.jerk;
-    let swing = swing(from, rows, limits).filter(keeps);
+    let swing = fastest_swing(|room| swing(from, rows, limits, room).filter(keeps));
     let ramp_s = -2.0 * from.velocity.dot(&from.acceleration) / from.acceleration.norm_squared();
     let ramp = Some(ramp_s).filter(|ramp_s| *ramp_s > least_s);
     let ramp = ramp.and_then(|ramp_s| parabola(from, ramp_s).filter(keeps));
@@ -77,7 +82,22 @@ struct Part {
     jerk: f64,
 }
 
-fn swing(from: &Knot, rows: &TendonRows, limits: &TendonLimits) -> Option<Trajectory> {
+/// The swing that leaves the least of the room that is known to be enough for what points aside.
+fn fastest_swing(of: impl Fn(f64) -> Option<Trajectory>) -> Option<Trajectory> {
+    let mut found = of(1.0);
+    let [mut too_little, mut enough] = [0.0, 1.0];
+    for _ in 0..ROOMS {
+        let room = 0.5 * (too_little + enough);
+        match of(room) {
+            Some(swing) => (found, enough) = (Some(swing), room),
+            None => too_little = room,
+        }
+    }
+    found
+}
+
+/// A swing that leaves this share of the sum of both largest uses of the limits to what points aside.
+fn swing(from: &Knot, rows: &TendonRows, limits: &TendonLimits, room: f64) -> Option<Trajectory> {
     let along = if from.velocity.norm() > 0.0 {
         from.velocity.normalize()
     } else {
@@ -85,23 +105,23 @@ fn swing(from: &Knot, rows: &TendonRows, limits: &TendonLimits) -> Option<Trajec
     };
     let state = [from.velocity.dot(&along), from.acceleration.dot(&along)];
     let aside = from.acceleration - along * state[1];
-    let (gain, of_aside) = (rows.largest(&along), rows.largest(&aside));
+    let (gain, of_aside) = (rows.largest(&along), room * rows.largest(&aside));
     let acceleration = (limits.acceleration - of_aside / 3.0) / gain;
-    let mut jerk = limits.jerk / gain;
-    let mut parts = fastest(state, [acceleration, jerk])?;
+    let mut parts = fastest(state, [acceleration, limits.jerk / gain])?;
     for _ in 0..ROUNDS {
-        let duration_s: f64 = parts.iter().map(|part| part.lasts_s).sum();
-        jerk = (limits.jerk - 4.0 * of_aside / duration_s) / gain;
-        parts = fastest(state, [acceleration, jerk])?;
+        let jerk = (limits.jerk - 4.0 * of_aside / sum_s(&parts)) / gain;
+        parts = fastest_with_long_parts(state, [acceleration, jerk])?;
     }
-    let duration_s: f64 = parts.iter().map(|part| part.lasts_s).sum();
-    let is_whole = |part: &Part| part.lasts_s == 0.0 || part.lasts_s > SHORTEST_PART * duration_s;
-    if !parts.iter().all(is_whole) {
-        return None;
-    }
+    in_knots(from, [along, aside], &parts)
+}
+
+/// The motion whose acceleration along a direction has these parts and loses what points aside as a parabola.
+fn in_knots(from: &Knot, [along, aside]: [Configuration; 2], parts: &[Part]) -> Option<Trajectory> {
+    let duration_s = sum_s(parts);
     let mut knots = vec![*from];
-    let (mut time, mut place, [mut speed, mut rate]) = (0.0, 0.0, state);
-    for Part { lasts_s, jerk } in parts.into_iter().filter(|part| part.lasts_s > 0.0) {
+    let (mut time, mut place) = (0.0, 0.0);
+    let (mut speed, mut rate) = (from.velocity.dot(&along), from.acceleration.dot(&along));
+    for Part { lasts_s, jerk } in parts.iter().filter(|part| part.lasts_s > 0.0) {
         let h = lasts_s;
         place += h * (speed + h * (rate / 2.0 + h * jerk / 6.0));
         speed += h * (rate + h * jerk / 2.0);
@@ -125,15 +145,86 @@ fn swing(from: &Knot, rows: &TendonRows, limits: &TendonLimits) -> Option<Trajec
     Trajectory::new(knots).ok()
 }
 
+/// The fastest stop in one dimension, or one nearly as fast none of whose parts is short.
+fn fastest_with_long_parts(state: [f64; 2], limits: [f64; 2]) -> Option<[Part; 3]> {
+    let parts = fastest(state, limits)?;
+    let Some(short_s) = shortest_s(&parts) else {
+        return Some(parts);
+    };
+    let longer_s = (LONGER * short_s).max(SHORTEST_PART * sum_s(&parts));
+    let parts = without_short_parts(state, limits, parts, longer_s)?;
+    let is_apart = |part: &Part| part.lasts_s == 0.0 || part.lasts_s >= 0.99 * longer_s;
+    parts.iter().all(is_apart).then_some(parts)
+}
+
+fn sum_s(parts: &[Part]) -> f64 {
+    parts.iter().map(|part| part.lasts_s).sum()
+}
+
+/// The time of the shortest part, s, where that is short.
+fn shortest_s(parts: &[Part]) -> Option<f64> {
+    let lasting = parts.iter().map(|part| part.lasts_s).filter(|it| *it > 0.0);
+    let shortest_s = lasting.min_by(f64::total_cmp)?;
+    (shortest_s < SHORT_PART * sum_s(parts)).then_some(shortest_s)
+}
+
+/// A stop that is nearly as fast as the fastest one, whose parts are not all at least so long.
+fn without_short_parts(
+    state: [f64; 2],
+    [most_a, most_j]: [f64; 2],
+    [_, held, _]: [Part; 3],
+    short_s: f64,
+) -> Option<[Part; 3]> {
+    let (sign, [v, a]) = mirrored(state, most_j);
+    let part = |lasts_s: f64, jerk: f64| Part {
+        lasts_s,
+        jerk: sign * jerk,
+    };
+    let none = part(0.0, 0.0);
+    if held.lasts_s > short_s {
+        // The acceleration stays where it is, in place of falling a little.
+        let held_s = (v - a * a / (2.0 * most_j)) / -a;
+        return Some([none, part(held_s, 0.0), part(-a / most_j, most_j)]);
+    }
+    if held.lasts_s > 0.0 {
+        // It turns at its limit, at a little less jerk.
+        let jerk = (most_a * most_a - 0.5 * a * a) / v;
+        return Some([
+            part((a + most_a) / jerk, -jerk),
+            none,
+            part(most_a / jerk, jerk),
+        ]);
+    }
+    if a > 0.0 {
+        // It rises at less jerk after it has fallen.
+        let over = a - 0.5 * most_j * short_s;
+        let left = v + 0.5 * a * short_s;
+        let falls_s = (over + (over * over + 2.0 * most_j * left).max(0.0).sqrt()) / most_j;
+        let jerk = (most_j * falls_s - a) / short_s;
+        let rises = falls_s > 0.0 && (0.0..=most_j).contains(&jerk);
+        return rises.then_some([part(falls_s, -most_j), none, part(short_s, jerk)]);
+    }
+    // It falls at less jerk before it rises.
+    let left = v + 0.5 * a * short_s;
+    let depth = (0.25 * short_s * short_s + 2.0 * left / most_j).sqrt() - 0.5 * short_s;
+    let deepest = -most_j * depth;
+    let jerk = (deepest - a) / short_s;
+    Some([part(short_s, jerk), none, part(depth, most_j)])
+}
+
+/// A velocity and an acceleration with the sign by which velocity is left where the acceleration alone is brought to 0, and that sign.
+fn mirrored([v, a]: [f64; 2], most_j: f64) -> (f64, [f64; 2]) {
+    let left = v + a * a.abs() / (2.0 * most_j);
+    let sign = if left < 0.0 { -1.0 } else { 1.0 };
+    (sign, [sign * v, sign * a])
+}
+
 /// The fastest stop of a velocity and an acceleration in one dimension, at an acceleration and a jerk of at most these.
-fn fastest([v, a]: [f64; 2], [most_a, most_j]: [f64; 2]) -> Option<[Part; 3]> {
+fn fastest(state: [f64; 2], [most_a, most_j]: [f64; 2]) -> Option<[Part; 3]> {
     if most_j <= 0.0 || most_a <= 0.0 {
         return None;
     }
-    // The velocity that is left where the acceleration alone is brought to 0.
-    let left = v + a * a.abs() / (2.0 * most_j);
-    let sign = if left < 0.0 { -1.0 } else { 1.0 };
-    let (v, a) = (sign * v, sign * a);
+    let (sign, [v, a]) = mirrored(state, most_j);
     let turn = (most_j * v + 0.5 * a * a).max(0.0).sqrt();
     let least = turn.min(most_a.max(-a));
     let fallen = (a * a - 2.0 * least * least) / (2.0 * most_j);
@@ -158,7 +249,6 @@ mod tests {
     use super::*;
     use crate::limit_use;
     use crate::test_paths::{unit_limits, unit_tendons};
-    use pcc_model::Configuration;
 
     /// States along one direction: velocity and acceleration as shares of the limits.
     fn stop(velocity: f64, acceleration: f64) -> Option<Trajectory> {
@@ -201,5 +291,23 @@ mod tests {
             "{} for {ramp_s}",
             motion.duration()
         );
+    }
+
+    #[test]
+    fn a_stop_that_is_nearly_a_ramp_takes_hardly_longer_than_the_limits_ask_for() {
+        let limits = unit_limits();
+        let share = 0.6;
+        let ramp_s = share * limits.acceleration / limits.jerk;
+        for more in [1e-4, 1e-3, 1e-2, -1e-6, -1e-5] {
+            let velocity = 0.5 * share * limits.acceleration * ramp_s * (1.0 + more);
+            let motion = stop(velocity / limits.velocity, -share).unwrap();
+            let parts = fastest(
+                [velocity, -share * limits.acceleration],
+                [limits.acceleration, limits.jerk],
+            );
+            let expected_s = sum_s(&parts.unwrap());
+            let excess = motion.duration() / expected_s - 1.0;
+            assert!((-1e-9..3e-3).contains(&excess), "{more}: {excess}");
+        }
     }
 }

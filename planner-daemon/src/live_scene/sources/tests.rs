@@ -94,18 +94,23 @@ fn leave(source: &str, stamp_mono_ns: i64) -> ValidScene {
 
 /// What is left of a motion from its begin on is free of all obstacles that count.
 fn is_free(live: &LiveScene) -> bool {
-    certify(live, 0.0, Timing::from_begin(NOW), 0.0).is_free()
+    certify(live, 0.0, Timing::from_begin(NOW), 0.0).is_ok()
 }
 
 /// What a scene of one source that was just published means for a motion that begins then.
-fn verdict(balls: &[([f64; 3], [f64; 3])], begin_mono_ns: i64) -> Verdict {
+fn verdict(balls: &[([f64; 3], [f64; 3])], begin_mono_ns: i64) -> Result<(), InTheWay> {
     let mut live = live();
     let latest = take(&mut live, &scene("a", NOW, balls), 1, NOW);
     assert_eq!(latest, SceneRefusal::None);
     certify(&live, 0.0, Timing::from_begin(begin_mono_ns), 0.0)
 }
 
-fn certify(live: &LiveScene, from_s: f64, timing: Timing, lag_allowance_s: f64) -> Verdict {
+fn certify(
+    live: &LiveScene,
+    from_s: f64,
+    timing: Timing,
+    lag_allowance_s: f64,
+) -> Result<(), InTheWay> {
     let (padded, motion) = (unit_robot(), motion());
     let rest = RemainingMotion {
         padded: &padded,
@@ -130,10 +135,10 @@ fn the_obstacles_of_all_sources_count_together_until_one_takes_its_leave() {
     );
     take(&mut live, &scene("b", NOW, &[(ASIDE, [0.0; 3])]), 2, NOW);
     let timing = Timing::from_begin(NOW);
-    assert!(!certify(&live, 0.0, timing, 0.0).is_free());
+    assert!(certify(&live, 0.0, timing, 0.0).is_err());
     let left = take(&mut live, &leave("a", NOW + 1), 1, NOW + 1);
     assert_eq!(left, SceneRefusal::None);
-    assert!(certify(&live, 0.0, timing, 0.0).is_free());
+    assert!(certify(&live, 0.0, timing, 0.0).is_ok());
     assert_eq!(live.absence(NOW + 2), None);
 }
 

@@ -1,6 +1,7 @@
 //! What ends a goal, and what does not.
 
 use super::*;
+use crate::live_scene::InTheWay;
 
 #[test]
 fn whoever_stops_the_robot_ends_the_goal_but_for_the_daemons_supervision() {
@@ -200,7 +201,7 @@ fn a_goal_to_which_the_motion_is_stopped_is_told_while_the_robot_still_brakes() 
         state: LoopState::Stopping,
         fault: LoopFault::None,
         passes: true,
-        stopped_for: Some(StopReason::SceneInTheWay { at_s: 0.5 }),
+        stopped_for: Some(InTheWay::OnTheWay { at_s: 0.5 }.into()),
     };
     assert!(bench.after(1, &stopping).is_none());
     assert_eq!(bench.state(), GoalState::Unreachable);

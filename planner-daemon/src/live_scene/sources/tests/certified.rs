@@ -6,11 +6,15 @@ use super::*;
 use crate::live_scene::Stretch;
 use crate::live_scene::certificates::RateAssumption;
 
+fn is_on_the_way(verdict: Result<(), InTheWay>) -> bool {
+    matches!(verdict, Err(InTheWay::OnTheWay { .. }))
+}
+
 #[test]
 fn a_ball_in_the_way_is_seen_and_one_aside_is_not() {
-    assert!(verdict(&[], NOW).is_free());
-    assert!(!verdict(&[(IN_THE_WAY, [0.0; 3])], NOW).is_free());
-    assert!(verdict(&[(ASIDE, [0.0; 3])], NOW).is_free());
+    assert!(verdict(&[], NOW).is_ok());
+    assert!(!verdict(&[(IN_THE_WAY, [0.0; 3])], NOW).is_ok());
+    assert!(verdict(&[(ASIDE, [0.0; 3])], NOW).is_ok());
 }
 
 #[test]
@@ -19,16 +23,37 @@ fn a_moving_ball_counts_where_it_will_be() {
     // when it arrives.
     assert!(motion().duration() < 3.0);
     let coming = [([5.0, 0.0, 0.75], [-1.0, 0.0, 0.0])];
-    assert!(verdict(&coming, NOW).is_free());
-    assert!(!verdict(&coming, NOW + 5 * SECOND).is_free());
+    assert_eq!(verdict(&coming, NOW), Err(InTheWay::AtTheEnd));
+    assert!(is_on_the_way(verdict(&coming, NOW + 5 * SECOND)));
+}
+
+#[test]
+fn a_ball_that_comes_to_the_end_is_named_after_one_that_comes_before_it() {
+    let mut live = live();
+    let (padded, end) = (unit_robot(), motion().end());
+    let tip = padded.tip(&end) * LENGTH_M;
+    let coming = |beside_m: f64| [([tip.x + beside_m, tip.y + 9.0, tip.z], [0.0, -1.0, 0.0])];
+    let timing = Timing::from_begin(NOW);
+    take(&mut live, &scene("a", NOW, &coming(0.3)), 1, NOW);
+    assert_eq!(certify(&live, 0.0, timing, 0.0), Ok(()), "it passes beside");
+    take(&mut live, &scene("b", NOW, &coming(0.0)), 2, NOW);
+    let found = certify(&live, 0.0, timing, 0.0);
+    assert_eq!(found, Err(InTheWay::AtTheEnd));
+    take(
+        &mut live,
+        &scene("c", NOW, &[(IN_THE_WAY, [0.0; 3])]),
+        3,
+        NOW,
+    );
+    assert!(is_on_the_way(certify(&live, 0.0, timing, 0.0)));
 }
 
 #[test]
 fn a_ball_that_has_hardly_left_may_still_be_there() {
     // By its velocity it is well clear of the body when the motion begins; it was told to live for 0.5 s.
     let leaving = [([0.15, 0.0, 0.75], [1.0, 0.0, 0.0])];
-    assert!(!verdict(&leaving, NOW + 3 * SECOND / 10).is_free());
-    assert!(verdict(&leaving, NOW + 2 * SECOND).is_free());
+    assert!(verdict(&leaving, NOW + 3 * SECOND / 10).is_err());
+    assert!(verdict(&leaving, NOW + 2 * SECOND).is_ok());
 }
 
 #[test]
@@ -40,8 +65,8 @@ fn room_for_a_lag_is_asked_for_where_it_is_wanted() {
     let end = motion().duration();
     let timing = Timing::passing(end, NOW + 3 * SECOND, 1.0);
     let late = |allowance| certify(&live, end, timing, allowance);
-    assert!(late(0.0).is_free());
-    assert!(!late(0.5).is_free());
+    assert_eq!(late(0.0), Err(InTheWay::AtTheEnd));
+    assert!(is_on_the_way(late(0.5)));
 }
 
 #[test]
@@ -50,8 +75,9 @@ fn a_slow_motion_meets_a_ball_that_a_fast_one_leaves_behind() {
     let coming = [([5.0, 0.0, 0.75], [-1.0, 0.0, 0.0])];
     take(&mut live, &scene("a", NOW, &coming), 1, NOW);
     let half = 0.5 * motion().duration();
-    assert!(!certify(&live, half, Timing::passing(half, NOW, 0.1), 0.0).is_free());
-    assert!(certify(&live, half, Timing::passing(half, NOW, 1.0), 0.0).is_free());
+    let at_rate = |rate| certify(&live, half, Timing::passing(half, NOW, rate), 0.0);
+    assert!(is_on_the_way(at_rate(0.1)));
+    assert_eq!(at_rate(1.0), Err(InTheWay::AtTheEnd));
 }
 
 #[test]
@@ -80,7 +106,7 @@ fn a_slow_motion_that_may_speed_up_before_its_controller_says_so_is_certified_at
             stopping_s: 0.0,
             lag_allowance_s: 0.0,
         };
-        live.certify(&rest, &mut Certificates::default()).is_free()
+        live.certify(&rest, &mut Certificates::default()).is_ok()
     };
     let before = (0..100).map(|i| 0.01 * f64::from(i));
     let only_if_slow =
@@ -109,7 +135,7 @@ fn only_what_changed_is_certified_again() {
             lag_allowance_s: 0.0,
         };
         let mut certificates = Certificates::default();
-        assert!(live.certify(&rest, &mut certificates).is_free());
+        assert!(live.certify(&rest, &mut certificates).is_ok());
         let held = live
             .sources
             .iter()
