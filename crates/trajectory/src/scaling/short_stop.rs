@@ -17,6 +17,10 @@ const HALVINGS: usize = 12;
 const ROUNDS: usize = 4;
 /// Halvings of the room that a swing leaves to what points aside.
 const ROOMS: usize = 4;
+/// Rounding of a position, rad.
+const POSITION_ROUNDING_RAD: f64 = 4e-16;
+/// Above this share of it a jerk is nearly the largest one.
+const NEARLY: f64 = 0.9;
 /// A part of a swing below this share of it is not passed at a limit of the jerk: between knots so near, rounding is more than is kept.
 const SHORT_PART: f64 = 0.01;
 /// It lasts longer by this factor, at less jerk, and at least this share of the swing.
@@ -107,9 +111,9 @@ fn swing(from: &Knot, rows: &TendonRows, limits: &TendonLimits, room: f64) -> Op
     let aside = from.acceleration - along * state[1];
     let (gain, of_aside) = (rows.largest(&along), room * rows.largest(&aside));
     let acceleration = (limits.acceleration - of_aside / 3.0) / gain;
-    let mut parts = fastest(state, [acceleration, limits.jerk / gain])?;
+    let mut parts = fastest_with_long_parts(state, [acceleration, limits.jerk / gain])?;
     for _ in 0..ROUNDS {
-        let jerk = (limits.jerk - 4.0 * of_aside / sum_s(&parts)) / gain;
+        let jerk = (limits.jerk - 4.0 * of_aside / sum_s(&parts)) / gain - jerk_rounding(&parts);
         parts = fastest_with_long_parts(state, [acceleration, jerk])?;
     }
     in_knots(from, [along, aside], &parts)
@@ -148,9 +152,10 @@ fn in_knots(from: &Knot, [along, aside]: [Configuration; 2], parts: &[Part]) -> 
 /// The fastest stop in one dimension, or one nearly as fast none of whose parts is short.
 fn fastest_with_long_parts(state: [f64; 2], limits: [f64; 2]) -> Option<[Part; 3]> {
     let parts = fastest(state, limits)?;
-    let Some(short_s) = shortest_s(&parts) else {
+    let short_s = shortest_s(&parts);
+    if short_s >= SHORT_PART * sum_s(&parts) {
         return Some(parts);
-    };
+    }
     let longer_s = (LONGER * short_s).max(SHORTEST_PART * sum_s(&parts));
     let parts = without_short_parts(state, limits, parts, longer_s)?;
     let is_apart = |part: &Part| part.lasts_s == 0.0 || part.lasts_s >= 0.99 * longer_s;
@@ -161,11 +166,26 @@ fn sum_s(parts: &[Part]) -> f64 {
     parts.iter().map(|part| part.lasts_s).sum()
 }
 
-/// The time of the shortest part, s, where that is short.
-fn shortest_s(parts: &[Part]) -> Option<f64> {
+/// The time of the shortest part, s.
+fn shortest_s(parts: &[Part]) -> f64 {
     let lasting = parts.iter().map(|part| part.lasts_s).filter(|it| *it > 0.0);
-    let shortest_s = lasting.min_by(f64::total_cmp)?;
-    (shortest_s < SHORT_PART * sum_s(parts)).then_some(shortest_s)
+    lasting.fold(f64::INFINITY, f64::min)
+}
+
+/// Jerk that the rounding of positions adds in the shortest part in which there is most of it, rad/s³.
+fn jerk_rounding(parts: &[Part; 3]) -> f64 {
+    let most = parts
+        .iter()
+        .fold(0.0_f64, |most, it| most.max(it.jerk.abs()));
+    let at_most = parts.map(|part| Part {
+        lasts_s: if part.jerk.abs() > NEARLY * most {
+            part.lasts_s
+        } else {
+            0.0
+        },
+        ..part
+    });
+    POSITION_ROUNDING_RAD * 60.0 / shortest_s(&at_most).powi(3)
 }
 
 /// A stop that is nearly as fast as the fastest one, whose parts are not all at least so long.
