@@ -2,6 +2,8 @@
 //!
 //! Nothing here comes from the crates `pcc-model`, `collision` or `trajectory`.
 
+use shared_types::message;
+
 use crate::brute_force::{Ball, Body, Configuration};
 use crate::motion::raise;
 
@@ -17,6 +19,19 @@ pub struct Knot {
     pub time_s: f64,
     /// Configuration, its velocity and its acceleration.
     pub values: [Configuration; 3],
+}
+
+impl From<&message::Knot> for Knot {
+    fn from(knot: &message::Knot) -> Self {
+        Self {
+            time_s: knot.time_s,
+            values: [
+                knot.configuration_rad,
+                knot.velocity_rad_s,
+                knot.acceleration_rad_s2,
+            ],
+        }
+    }
 }
 
 /// Velocity, acceleration and jerk of tendons: limits, or the largest ones found.

@@ -60,16 +60,7 @@ impl From<&TrajectoryMessage> for Published {
             id: message.trajectory_id,
             begin_mono_ns: message.begin_mono_ns,
             leaves: in_motion.then_some((message.leaves_trajectory_id, message.leaves_at_s)),
-            knots: knots
-                .map(|knot| Knot {
-                    time_s: knot.time_s,
-                    values: [
-                        knot.configuration_rad,
-                        knot.velocity_rad_s,
-                        knot.acceleration_rad_s2,
-                    ],
-                })
-                .collect(),
+            knots: knots.map(Knot::from).collect(),
         }
     }
 }

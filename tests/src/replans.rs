@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use client::ClientError;
+use client::{Candidate, ClientError};
 use collision::{Ball as Obstacle, Scene};
 use datasets::scenes::{Setting, draw_target};
 use pcc_model::{Configuration, Point, Robot, UnitRobot};
@@ -12,6 +12,7 @@ use shared_types::message::Ball;
 use shared_types::valid::{Goal, PlanRequest};
 use trajectory::{Knot, stopping_motion};
 
+use crate::knots::largest_bending_rad;
 use crate::shortest_stop::shortest_stop_s;
 use crate::stack::{PATIENCE, Stack};
 
@@ -91,6 +92,9 @@ pub fn replan(tip_m: [f64; 3], balls: &[Ball], seed: u64) -> PlanRequest {
     }
 }
 
+/// Bending beyond the limit that is rounding, rad.
+const BENDING_ROUNDING_RAD: f64 = 1e-6;
+
 /// What stopping first costs.
 #[derive(Clone, Copy, Debug)]
 pub struct StopThenGo {
@@ -133,11 +137,18 @@ pub fn stop_then_go(
         ..PlanRequest::new(stop.end().into(), Goal::Configuration(end))
     };
     let answer = stack.client.plan(&request, PATIENCE)?;
-    let durations = answer
-        .report()
-        .candidates
-        .iter()
-        .map(|candidate| candidate.duration_s);
+    // From rest the daemon lets a motion bend a little beyond the limit, which no joined motion may.
+    let bending_limit_rad = robot.bending_limit + BENDING_ROUNDING_RAD;
+    let bends_within = |candidate: &Candidate| {
+        let knots: Vec<_> = candidate
+            .knots
+            .iter()
+            .map(crate::knots::Knot::from)
+            .collect();
+        largest_bending_rad(&knots) <= bending_limit_rad
+    };
+    let within = answer.candidates().filter(bends_within);
+    let durations = within.map(|candidate| candidate.summary.duration_s);
     let fastest = durations.fold(f64::INFINITY, f64::min);
     Ok(StopThenGo {
         least_stop_s: least_stop_of_tendons_s(&stack.world.robot, state),

@@ -18,7 +18,7 @@ const ROUNDS: usize = 4;
 /// Halvings of the room that a swing leaves to what points aside.
 const ROOMS: usize = 4;
 /// Rounding of a position, rad.
-const POSITION_ROUNDING_RAD: f64 = 4e-16;
+const POSITION_ROUNDING_RAD: f64 = 1e-15;
 /// Above this share of it a jerk is nearly the largest one.
 const NEARLY: f64 = 0.9;
 /// A part of a swing below this share of it is not passed at a limit of the jerk: between knots so near, rounding is more than is kept.
@@ -27,7 +27,7 @@ const SHORT_PART: f64 = 0.01;
 const LONGER: f64 = 1.5;
 const SHORTEST_PART: f64 = 0.003;
 /// Stops are at least so long, in times in which the acceleration rises to its limit: less is nothing to win, and knots keep apart.
-const SHORTEST_STOP: f64 = 0.01;
+const SHORTEST_STOP: f64 = 1e-3;
 
 /// The shortest of the stops of this file from a state that keeps the acceleration and jerk limits, if one is shorter than `longest_s`.
 pub(super) fn shorter_stop(

@@ -141,18 +141,7 @@ impl Set {
 /// The knots of the selected candidate.
 fn selected(answer: &PlanAnswer) -> Option<Vec<Knot>> {
     let knots = answer.selected()?.knots.iter();
-    Some(
-        knots
-            .map(|knot| Knot {
-                time_s: knot.time_s,
-                values: [
-                    knot.configuration_rad,
-                    knot.velocity_rad_s,
-                    knot.acceleration_rad_s2,
-                ],
-            })
-            .collect(),
-    )
+    Some(knots.map(Knot::from).collect())
 }
 
 impl Figures {
