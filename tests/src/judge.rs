@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::sync::LazyLock;
 
 use pcc_model::TendonLimits;
+use serde::{Deserialize, Serialize};
 use shared_types::codes::{LoopState, MotorState};
 use shared_types::message::{RobotState, Setpoint};
 
@@ -26,7 +27,7 @@ pub const ALLOWED_USE: f64 = 1.001;
 const KEPT_OFFENCES: usize = 50;
 
 /// Largest use of the limits between two successive samples, by their own stamps; 1: at the limit.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
 pub struct StepUse {
     /// |Δposition| ÷ (velocity limit × Δt).
     pub position: f64,
@@ -39,7 +40,7 @@ pub struct StepUse {
 }
 
 /// What was found.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Verdict {
     /// Set-points looked at.
     pub setpoints: usize,
@@ -290,6 +291,32 @@ impl Judge {
 }
 
 impl Verdict {
+    /// With what another judge has found.
+    #[must_use]
+    pub fn and(mut self, other: &Self) -> Self {
+        self.setpoints += other.setpoints;
+        self.robot_states += other.robot_states;
+        self.last_unheard += other.last_unheard;
+        self.restarts += other.restarts;
+        self.holds_taken += other.holds_taken;
+        self.unmatched += other.unmatched;
+        self.faults += other.faults;
+        self.offence_count += other.offence_count;
+        for what in 0..3 {
+            self.lost[what] += other.lost[what];
+            self.first_unheard[what] += other.first_unheard[what];
+        }
+        raise(&mut self.velocity, other.velocity);
+        raise(&mut self.acceleration, other.acceleration);
+        raise(&mut self.reference_error_m, other.reference_error_m);
+        self.sent.add(&other.sent);
+        self.taken.add(&other.taken);
+        self.unled.add(&other.unled);
+        self.losses.extend_from_slice(&other.losses);
+        self.offences.extend_from_slice(&other.offences);
+        self
+    }
+
     /// Notes the numbers between two messages that were heard one after the other.
     fn lose(&mut self, what: usize, before: Option<u64>, now: u64) {
         let Some(before) = before else { return };

@@ -1,6 +1,6 @@
 //! A recording of the demonstration, judged from its arrays alone.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
@@ -288,6 +288,13 @@ impl Recording {
         first
             .zip(last)
             .map_or(0.0, |(first, last)| (last - first) as f64 * 1e-9)
+    }
+
+    /// The trajectories that moved the robot.
+    #[must_use]
+    pub fn executed(&self) -> BTreeSet<u32> {
+        let moving = (0..self.len()).filter(|index| self.is_moving(*index));
+        moving.map(|index| self.trajectory_id[index]).collect()
     }
 
     /// Set-points on which the controller brakes along a motion.

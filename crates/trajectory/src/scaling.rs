@@ -3,4 +3,5 @@
 pub(crate) mod longest_stop;
 pub(crate) mod rate_law;
 mod short_stop;
+mod stop_profile;
 pub(crate) mod stopping;

@@ -1,5 +1,6 @@
 //! The demonstration on a clean clone, judged from its recording.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
@@ -12,23 +13,26 @@ use tests::recording::{RecordedMotion, Recording, ToldMotion};
 use crate::report::Report;
 use crate::scale::Scale;
 
+/// How the result of a motion begins, as the project's docs say.
+const OUTCOMES: [&str; 5] = ["reached", "joined by", "stopped", "set aside", "refused"];
+
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command = "git clone; scripts/demo --record DIR";
     report.group("demonstration", command, |report| {
         let folder = tempfile::tempdir()?;
         let recorded = folder.path().join("recording");
-        on_a_clean_clone(report, scale, folder.path(), &recorded)?;
-        judge(report, &recorded)
+        let printed = on_a_clean_clone(report, scale, folder.path(), &recorded)?;
+        judge(report, &recorded, &printed)
     });
 }
 
-/// The quick form shares the build folder; the full one builds from nothing.
+/// What it prints. The quick form shares the build folder; the full one builds from nothing.
 fn on_a_clean_clone(
     report: &mut Report,
     scale: Scale,
     folder: &Path,
     recorded: &Path,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<String> {
     let kept = repository().join("target/acceptance/clone");
     let clone = if scale.full {
         folder.join("clone")
@@ -76,11 +80,12 @@ fn on_a_clean_clone(
         "no recording: {}",
         String::from_utf8_lossy(&output.stderr)
     );
-    Ok(())
+    Ok(String::from_utf8(output.stdout)?)
 }
 
-fn judge(report: &mut Report, folder: &Path) -> anyhow::Result<()> {
+fn judge(report: &mut Report, folder: &Path, printed: &str) -> anyhow::Result<()> {
     let recording = Recording::read(folder)?;
+    results(report, &recording, printed);
     let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
     let stated = recording.robot == robot.name && recording.limits == robot.tendon_limits;
     let figure = format!("{}, {:?}", recording.robot, recording.limits);
@@ -139,6 +144,41 @@ fn judge(report: &mut Report, folder: &Path) -> anyhow::Result<()> {
         outcome == "start in collision",
     );
     Ok(())
+}
+
+/// Every trajectory that was executed has a result in what was printed.
+fn results(report: &mut Report, recording: &Recording, printed: &str) {
+    let told: BTreeSet<u32> = printed.lines().flat_map(ids_of_results).collect();
+    let executed = recording.executed();
+    let untold: Vec<&u32> = executed.difference(&told).collect();
+    report.check(
+        "trajectories executed whose result was not printed",
+        format!("{} of {} {untold:?}", untold.len(), executed.len()),
+        "0, of > 20",
+        untold.is_empty() && executed.len() > 20,
+    );
+}
+
+/// The trajectories whose result a line tells: `trajectory 7 reached …`, or `trajectories 8 to 11, 13: each joined by the next one`.
+fn ids_of_results(line: &str) -> Vec<u32> {
+    let line = line.trim_start();
+    if let Some(joined) = line.strip_prefix("trajectories ") {
+        let Some((ranges, _)) = joined.split_once(": each joined") else {
+            return Vec::new();
+        };
+        let range = |range: &str| {
+            let (first, last) = range.split_once(" to ").unwrap_or((range, range));
+            let ends = first.parse::<u32>().ok().zip(last.parse::<u32>().ok());
+            ends.map_or(0..0, |(first, last)| first..last + 1)
+        };
+        return ranges.split(", ").flat_map(range).collect();
+    }
+    let one = line.strip_prefix("trajectory ").and_then(|rest| {
+        let (id, outcome) = rest.split_once(' ')?;
+        let is_result = OUTCOMES.iter().any(|it| outcome.starts_with(it));
+        id.parse().ok().filter(|_| is_result)
+    });
+    one.into_iter().collect()
 }
 
 /// Stops and changes of speed are in what is judged.

@@ -4,6 +4,7 @@
     reason = "a broken environment panics, and that group of checks has failed"
 )]
 
+mod as_text;
 mod demo;
 mod evaluation;
 mod fast_ablation;

@@ -1,10 +1,12 @@
 //! Checks as they come in: a line each, and a file that a later run resumes from.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::process::Command;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use tests::programs::repository;
 use tests::retries;
@@ -35,6 +37,9 @@ struct Record {
     weights: String,
     finished_groups: Vec<String>,
     checks: Vec<Check>,
+    /// What pieces of groups have given that have not come to their end.
+    #[serde(default)]
+    pieces: BTreeMap<String, serde_json::Value>,
 }
 
 /// Prints checks and, in full runs, keeps them.
@@ -114,12 +119,34 @@ impl Report {
         let _ = retries::take();
         let outcome = catch_unwind(AssertUnwindSafe(|| run(self)));
         match outcome {
-            Ok(Ok(())) => self.record.finished_groups.push(name.to_owned()),
+            Ok(Ok(())) => {
+                self.record.finished_groups.push(name.to_owned());
+                self.record.pieces.clear();
+            }
             Ok(Err(error)) => self.broke(name, &format!("{error:#}")),
             Err(panic) => self.broke(name, &panic_text(panic.as_ref())),
         }
         self.retried(name);
         self.save();
+    }
+
+    /// What a piece of the group gives; a full run that was ended before goes on after its last piece.
+    pub(crate) fn piece<T: Serialize + DeserializeOwned>(
+        &mut self,
+        name: &str,
+        make: impl FnOnce() -> anyhow::Result<T>,
+    ) -> anyhow::Result<T> {
+        let key = format!("{}: {name}", self.group);
+        if let Some(known) = self.record.pieces.get(&key) {
+            return Ok(serde_json::from_value(known.clone())?);
+        }
+        let made = make()?;
+        if self.file.is_some() {
+            let kept = serde_json::to_value(&made)?;
+            self.record.pieces.insert(key, kept);
+            self.save();
+        }
+        Ok(made)
     }
 
     /// A retry counts against the group in which it was.
@@ -305,6 +332,28 @@ mod unit {
             report.unless_met(),
             Some(&["soak".to_owned(), "latency, hard".to_owned()][..])
         );
+    }
+
+    #[test]
+    fn a_group_that_is_ended_goes_on_after_its_last_piece() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("motion.json");
+        at("1", &file, "a").group("long", "false", |report| {
+            assert_eq!(report.piece("0", || Ok([0.5, 1.0]))?, [0.5, 1.0]);
+            report.piece("1", || anyhow::bail!("it is ended"))
+        });
+        let mut second = at("1", &file, "a");
+        second.group("long", "true", |report| {
+            let known: [f64; 2] = report.piece("0", || panic!("it is repeated"))?;
+            assert_eq!(known, [0.5, 1.0]);
+            assert_eq!(report.piece("1", || Ok(7))?, 7);
+            Ok(())
+        });
+        assert!(second.record.pieces.is_empty());
+        at("2", &file, "a").group("long", "true", |report| {
+            assert_eq!(report.piece("0", || Ok(8))?, 8);
+            Ok(())
+        });
     }
 
     #[test]
