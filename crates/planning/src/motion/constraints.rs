@@ -112,7 +112,7 @@ impl<'a> MotionConstraints<'a> {
 
     /// A certified motion along a path that begins where a robot in this state can rest, from the state on, if it takes less than
     /// `stop_then_go_s`: the path begins while the robot still brakes, or, where that is not certified, as soon as it has braked. Where it is
-    /// faster by less than `little_s`, more ways to brake are tried.
+    /// faster by less than `little_s`, more ways to brake are tried; none where that is 0.
     pub(crate) fn certified_from(
         &self,
         state: &Knot,
@@ -134,9 +134,8 @@ impl<'a> MotionConstraints<'a> {
         {
             return usual;
         }
-        let others = OTHER_SHARES
-            .iter()
-            .filter_map(|share| with_shares(&[*share]));
+        let others = OTHER_SHARES.iter().filter(|_| little_s > 0.0);
+        let others = others.filter_map(|share| with_shares(&[*share]));
         let all = usual.into_iter().chain(others);
         let fastest = all.min_by(|a, b| a.metrics.duration_s.total_cmp(&b.metrics.duration_s));
         fastest.or_else(|| with_shares(&[]))

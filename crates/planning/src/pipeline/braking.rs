@@ -123,13 +123,22 @@ impl<'a> Braking<'a> {
     /// The candidate with its motion joined to the one that the robot brakes from: while it brakes where that is certified and faster,
     /// else after it. Fails where a moving ball comes too near to both, or where a path that begins elsewhere cannot be begun here.
     pub(crate) fn candidate(&self, candidate: &Candidate) -> Result<Candidate, Failure> {
+        self.joined(candidate, 0.0)
+    }
+
+    /// The same, with more ways to brake where little is won.
+    pub(super) fn selected(&self, candidate: &Candidate) -> Result<Candidate, Failure> {
+        self.joined(candidate, LITTLE * self.motion.duration())
+    }
+
+    fn joined(&self, candidate: &Candidate, little_s: f64) -> Result<Candidate, Failure> {
         let Candidate {
             trajectory,
             metrics,
             ..
         } = candidate;
         let begins_here = trajectory.knots()[0].position == self.motion.end();
-        let motion = match self.beside(trajectory) {
+        let motion = match self.beside(trajectory, little_s) {
             Some(motion) => motion,
             None if begins_here => self.then(trajectory, metrics.clearance)?,
             None => self.begun_here(trajectory)?,
@@ -144,7 +153,7 @@ impl<'a> Braking<'a> {
             trajectory,
             metrics,
         } = delivered.outcome?;
-        let joined = self.beside(&trajectory);
+        let joined = self.beside(&trajectory, 0.0);
         joined.map_or_else(|| self.then(&trajectory, metrics.clearance), Ok)
     }
 
@@ -154,15 +163,11 @@ impl<'a> Braking<'a> {
     }
 
     /// The motion to the end of this one that begins while the robot brakes, if it is certified and faster than one after the other.
-    fn beside(&self, motion: &Trajectory) -> Option<Certified> {
+    fn beside(&self, motion: &Trajectory, little_s: f64) -> Option<Certified> {
         let path = self.path(motion);
-        let braking_s = self.motion.duration();
-        self.constraints.certified_from(
-            self.state(),
-            &path,
-            braking_s + motion.duration(),
-            LITTLE * braking_s,
-        )
+        let stop_then_go_s = self.motion.duration() + motion.duration();
+        self.constraints
+            .certified_from(self.state(), &path, stop_then_go_s, little_s)
     }
 
     /// Braking to rest, and then a certified motion with this clearance, section lengths. Among moving balls that is certified as a

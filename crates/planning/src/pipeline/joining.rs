@@ -128,7 +128,7 @@ impl Joining<'_> {
         }
         let from_rest = constraints.certified(from_rest)?;
         let from_rest = Candidate::of(draw, Source::StraightLine, &from_rest);
-        let joined = self.braking.candidate(&from_rest)?;
+        let joined = self.braking.selected(&from_rest)?;
         let draw = Draw {
             sampled: Some(path.clone()),
             path: Some(path),
@@ -275,7 +275,7 @@ impl Joining<'_> {
     /// A draw in the place of another one with its motion joined to the braking.
     fn joined(&self, index: usize, mut draw: Draw) -> Option<JoinedDraw> {
         let from_rest = Candidate::of(index, draw.source, draw.outcome.as_ref().ok()?);
-        let joined = self.braking.candidate(&from_rest).ok()?;
+        let joined = self.braking.selected(&from_rest).ok()?;
         draw.outcome = Ok(joined.certified());
         Some(JoinedDraw { draw, joined })
     }
