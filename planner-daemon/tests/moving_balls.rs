@@ -21,6 +21,20 @@ use shared_types::valid::{Goal, PlanRequest};
 /// For how long a scene is believed.
 const LIFETIME: Duration = Duration::from_millis(300);
 
+/// To be executed, planned as if the live scene were empty.
+fn unaware() -> PlanRequest {
+    PlanRequest {
+        ignores_live_scene: true,
+        ..executed()
+    }
+}
+
+/// Publishes a scene that the daemon has heard then.
+fn tell(scenes: &mut ScenePublisher, balls: &[MovingBall]) {
+    scenes.publish(balls, LIFETIME).unwrap();
+    scenes.confirm(PATIENCE).unwrap();
+}
+
 /// A ball that crosses the straight way of [`request`], in its middle at a time, where it is now.
 fn crossing(in_the_middle_mono_ns: i64) -> MovingBall {
     let velocity_m_s = [0.0, -0.8, 0.0];
@@ -41,21 +55,11 @@ fn a_ball_that_crosses_the_way_is_waited_for_or_passed_by_without_a_stop() {
     let mut controller = PlayedController::start(&world.options);
     let mut scenes = ScenePublisher::connect(&world.options, "test").unwrap();
     let middle_mono_ns = mono_now_ns() + 2_000_000_000;
-    let unaware = PlanRequest {
-        ignores_live_scene: true,
-        ..executed()
-    };
-    scenes
-        .publish(&[crossing(middle_mono_ns)], LIFETIME)
-        .unwrap();
-    scenes.confirm(PATIENCE).unwrap();
-    let refused = plan(&mut client, &mut controller, &unaware);
+    tell(&mut scenes, &[crossing(middle_mono_ns)]);
+    let refused = plan(&mut client, &mut controller, &unaware());
     assert_refused(refused.report(), "the live scene is in the way");
 
-    scenes
-        .publish(&[crossing(middle_mono_ns)], LIFETIME)
-        .unwrap();
-    scenes.confirm(PATIENCE).unwrap();
+    tell(&mut scenes, &[crossing(middle_mono_ns)]);
     let answer = plan(&mut client, &mut controller, &executed());
     let report = answer.report();
     assert_eq!(report.outcome, Outcome::Ok, "{}", report.reason);
@@ -111,29 +115,21 @@ fn a_motion_to_where_a_ball_will_come_is_not_begun_and_stopped_in_time_where_it_
     let mut controller = PlayedController::start(&world.options);
     let mut scenes = ScenePublisher::connect(&world.options, "test").unwrap();
     let comes_mono_ns = mono_now_ns() + 15_000_000_000;
-    let mut tell = |balls: &[MovingBall]| {
-        scenes.publish(balls, LIFETIME).unwrap();
-        scenes.confirm(PATIENCE).unwrap();
-    };
-    tell(&[comes_to_the_goal(comes_mono_ns)]);
-    let unaware = PlanRequest {
-        ignores_live_scene: true,
-        ..executed()
-    };
-    let refused = plan(&mut client, &mut controller, &unaware);
+    tell(&mut scenes, &[comes_to_the_goal(comes_mono_ns)]);
+    let refused = plan(&mut client, &mut controller, &unaware());
     assert_refused(refused.report(), "a ball comes to where it ends");
-    tell(&[comes_to_the_goal(comes_mono_ns)]);
+    tell(&mut scenes, &[comes_to_the_goal(comes_mono_ns)]);
     let aware = plan(&mut client, &mut controller, &executed());
     assert_eq!(aware.report().outcome, Outcome::NoPath);
 
-    tell(&[]);
+    tell(&mut scenes, &[]);
     let answer = plan(&mut client, &mut controller, &executed());
     assert_eq!(answer.report().outcome, Outcome::Ok, "{}", daemon.said());
     let trajectory = until(|| controller.trajectory());
     let duration_s = trajectory.knots[trajectory.knots.len() - 1].time_s;
     controller.begin(&trajectory);
     until(|| {
-        tell(&[comes_to_the_goal(comes_mono_ns)]);
+        tell(&mut scenes, &[comes_to_the_goal(comes_mono_ns)]);
         controller.cycle();
         sleep(Duration::from_millis(1));
         (controller.stops > 0).then_some(())
