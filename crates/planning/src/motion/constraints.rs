@@ -16,10 +16,7 @@ use trajectory::{
 
 /// Shares of the acceleration limit for the braking of a motion that begins in motion: of one to six shares from 0.3 to 1, these two
 /// win 0.83 of the shortest stop in the median, six 0.88 in nearly twice the time.
-const BRAKING_SHARES: [f64; 2] = [0.9, 0.5];
-
-/// Others, where these two win little.
-const OTHER_SHARES: [f64; 4] = [0.98, 0.7, 0.3, 0.15];
+pub(crate) const BRAKING_SHARES: [f64; 2] = [0.9, 0.5];
 
 /// Halvings of a segment by which its bending is bounded at most.
 const HALVINGS: usize = 4;
@@ -111,34 +108,18 @@ impl<'a> MotionConstraints<'a> {
     }
 
     /// A certified motion along a path that begins where a robot in this state can rest, from the state on, if it takes less than
-    /// `stop_then_go_s`: the path begins while the robot still brakes, or, where that is not certified, as soon as it has braked. Where it is
-    /// faster by less than `little_s`, more ways to brake are tried; none where that is 0.
+    /// `longest_s`: the path begins while the robot still brakes, with the best of these shares of the acceleration limit for braking, or as
+    /// soon as it has braked where there are none.
     pub(crate) fn certified_from(
         &self,
         state: &Knot,
+        braking_shares: &[f64],
         path: &[Configuration],
-        stop_then_go_s: f64,
-        little_s: f64,
+        longest_s: f64,
     ) -> Option<Certified> {
-        let options = with_knots(self.knots);
-        let with_shares = |shares: &[f64]| {
-            let joined = self.timed_from(state, shares, path, &options).ok()?;
-            let is_faster = joined.duration() < stop_then_go_s;
-            is_faster.then(|| self.certified(joined).ok())?
-        };
-        let usual = with_shares(&BRAKING_SHARES);
-        let gain_s = |joined: &Certified| stop_then_go_s - joined.metrics.duration_s;
-        if usual
-            .as_ref()
-            .is_some_and(|joined| gain_s(joined) > little_s)
-        {
-            return usual;
-        }
-        let others = OTHER_SHARES.iter().filter(|_| little_s > 0.0);
-        let others = others.filter_map(|share| with_shares(&[*share]));
-        let all = usual.into_iter().chain(others);
-        let fastest = all.min_by(|a, b| a.metrics.duration_s.total_cmp(&b.metrics.duration_s));
-        fastest.or_else(|| with_shares(&[]))
+        let joined = self.timed_from(state, braking_shares, path, &with_knots(self.knots));
+        let joined = joined.ok().filter(|it| it.duration() < longest_s)?;
+        self.certified(joined).ok()
     }
 
     /// Times a path to rest at its end: from rest, or from a state from which the robot can rest at the path's begin.
@@ -179,8 +160,8 @@ impl<'a> MotionConstraints<'a> {
         timed.map_err(|_| Failure::Time)
     }
 
-    /// Certifies the executed curve: whole body, whole motion, bending, and standing at its end while balls move; its smallest clearance, section lengths, from obstacles at rest
-    /// and from the balls that cover those that move.
+    /// Certifies the executed curve: whole body, whole motion, bending, and standing at its end while balls move; its smallest clearance,
+    /// section lengths, from obstacles at rest and from the balls that cover those that move.
     pub(crate) fn certify(&self, trajectory: &Trajectory) -> Result<f64, Failure> {
         if !self.keeps_bending(trajectory) {
             return Err(Failure::Bending);

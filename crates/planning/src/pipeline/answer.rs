@@ -201,17 +201,18 @@ fn segments_first<'a>(
     let early = after.supervision.early_selection;
     let settled = early.filter(|_| segments.selected().is_some());
     let later = settled.and_then(|early| braking_later(context, early, ToBeDone::Nothing));
-    let segments = match &later {
-        None => segments,
-        Some(braking) => {
-            let joining = Joining {
-                braking,
-                ..*joining
-            };
-            let again = || joining.fastest_again(&segments, &goals.distinct);
-            times.measure(Stage::Select, again)
-        }
+    let braking = later.as_ref().unwrap_or(joining.braking);
+    let joining = Joining {
+        braking,
+        ..*joining
     };
+    let segments = times.measure(Stage::Select, || {
+        let segments = match &later {
+            None => segments,
+            Some(_) => joining.fastest_again(&segments, &goals.distinct),
+        };
+        joining.with_fastest_braked_otherwise(segments)
+    });
     let tell = || {
         if let Some((early, fastest)) = early.zip(segments.selected()) {
             (early.selected)(fastest.clone());

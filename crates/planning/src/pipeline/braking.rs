@@ -2,21 +2,22 @@
 
 use crate::error::Infeasible;
 use crate::motion::along_polyline::append;
-use crate::motion::constraints::MotionConstraints;
+use crate::motion::constraints::{BRAKING_SHARES, MotionConstraints};
 use crate::motion::through::Through;
 use crate::path::waypoints::{WAYPOINTS, Waypoints, begun_in, resample};
 use crate::plan::{Candidate, Certified, Failure};
 use crate::problem::Problem;
 use crate::request::Request;
 use pcc_model::TendonLimits;
+use rayon::prelude::*;
 use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
 
 /// Knots that a motion may have at least, however many its braking needs.
 const LEAST_KNOTS: usize = 4;
 /// Samples of a motion, equally spaced in time, by which its path is known.
 const SAMPLES: usize = 4 * WAYPOINTS;
-/// Share of the braking that a motion joined to it wins at least, in 97 of 100 replans.
-const LITTLE: f64 = 0.15;
+/// Shares of the acceleration limit for braking beside a path, where the usual ones win little.
+const OTHER_SHARES: [f64; 4] = [0.98, 0.7, 0.3, 0.15];
 /// Relative amount by which a limit may be exceeded: the rounding of the measure.
 const ROUNDING: f64 = 1e-6;
 
@@ -123,22 +124,13 @@ impl<'a> Braking<'a> {
     /// The candidate with its motion joined to the one that the robot brakes from: while it brakes where that is certified and faster,
     /// else after it. Fails where a moving ball comes too near to both, or where a path that begins elsewhere cannot be begun here.
     pub(crate) fn candidate(&self, candidate: &Candidate) -> Result<Candidate, Failure> {
-        self.joined(candidate, 0.0)
-    }
-
-    /// The same, with more ways to brake where little is won.
-    pub(super) fn selected(&self, candidate: &Candidate) -> Result<Candidate, Failure> {
-        self.joined(candidate, LITTLE * self.motion.duration())
-    }
-
-    fn joined(&self, candidate: &Candidate, little_s: f64) -> Result<Candidate, Failure> {
         let Candidate {
             trajectory,
             metrics,
             ..
         } = candidate;
         let begins_here = trajectory.knots()[0].position == self.motion.end();
-        let motion = match self.beside(trajectory, little_s) {
+        let motion = match self.beside(trajectory) {
             Some(motion) => motion,
             None if begins_here => self.then(trajectory, metrics.clearance)?,
             None => self.begun_here(trajectory)?,
@@ -153,7 +145,7 @@ impl<'a> Braking<'a> {
             trajectory,
             metrics,
         } = delivered.outcome?;
-        let joined = self.beside(&trajectory, 0.0);
+        let joined = self.beside(&trajectory);
         joined.map_or_else(|| self.then(&trajectory, metrics.clearance), Ok)
     }
 
@@ -162,12 +154,34 @@ impl<'a> Braking<'a> {
         begun_in(&self.motion.end(), resample(&motion.sample(SAMPLES)))
     }
 
-    /// The motion to the end of this one that begins while the robot brakes, if it is certified and faster than one after the other.
-    fn beside(&self, motion: &Trajectory, little_s: f64) -> Option<Certified> {
+    /// The candidate with the fastest of more motions joined to the braking, if one takes less than `longest_s`.
+    pub(super) fn candidate_braked_otherwise(
+        &self,
+        candidate: &Candidate,
+        longest_s: f64,
+    ) -> Option<Candidate> {
+        let path = self.path(&candidate.trajectory);
+        let with_share = |share: &f64| {
+            self.constraints
+                .certified_from(self.state(), &[*share], &path, longest_s)
+        };
+        let motions: Vec<_> = OTHER_SHARES.par_iter().filter_map(with_share).collect();
+        let motions = motions.iter();
+        let fastest =
+            motions.min_by(|a, b| a.metrics.duration_s.total_cmp(&b.metrics.duration_s))?;
+        Some(Candidate::of(candidate.draw, candidate.source, fastest))
+    }
+
+    /// The motion to the end of this one that begins while the robot brakes, or, where that is not certified, as soon as it has braked, if it is
+    /// faster than one after the other.
+    fn beside(&self, motion: &Trajectory) -> Option<Certified> {
         let path = self.path(motion);
         let stop_then_go_s = self.motion.duration() + motion.duration();
-        self.constraints
-            .certified_from(self.state(), &path, stop_then_go_s, little_s)
+        let with_shares = |shares: &[f64]| {
+            self.constraints
+                .certified_from(self.state(), shares, &path, stop_then_go_s)
+        };
+        with_shares(&BRAKING_SHARES).or_else(|| with_shares(&[]))
     }
 
     /// Braking to rest, and then a certified motion with this clearance, section lengths. Among moving balls that is certified as a

@@ -18,6 +18,8 @@ const HALVINGS: usize = 12;
 const ROUNDS: usize = 4;
 /// Halvings of the room that a swing leaves to what points aside.
 const ROOMS: usize = 4;
+/// An acceleration aside of this share of the limit or less needs no room worth halving.
+const STRAIGHT: f64 = 1e-6;
 /// Stops are at least so long, in times in which the acceleration rises to its limit: less is nothing to win, and knots keep apart.
 const SHORTEST_STOP: f64 = 1e-3;
 
@@ -33,7 +35,7 @@ pub(super) fn shorter_stop(
         most.acceleration.max(most.jerk) <= 1.0 + ROUNDING
     };
     let least_s = SHORTEST_STOP * limits.acceleration / limits.jerk;
-    let swing = fastest_swing(|room| swing(from, rows, limits, room).filter(keeps));
+    let swing = fastest_swing(from, rows, limits, keeps);
     let ramp_s = -2.0 * from.velocity.dot(&from.acceleration) / from.acceleration.norm_squared();
     let ramp = Some(ramp_s).filter(|ramp_s| *ramp_s > least_s);
     let ramp = ramp.and_then(|ramp_s| parabola(from, ramp_s).filter(keeps));
@@ -72,8 +74,18 @@ fn parabola(from: &Knot, duration_s: f64) -> Option<Trajectory> {
 }
 
 /// The swing that leaves the least of the room that is known to be enough for what points aside.
-fn fastest_swing(of: impl Fn(f64) -> Option<Trajectory>) -> Option<Trajectory> {
+fn fastest_swing(
+    from: &Knot,
+    rows: &TendonRows,
+    limits: &TendonLimits,
+    keeps: impl Fn(&Trajectory) -> bool,
+) -> Option<Trajectory> {
+    let directions = directions(from);
+    let of = |room| swing(from, directions, rows, limits, room).filter(&keeps);
     let mut found = of(1.0);
+    if rows.largest(&directions[1]) <= STRAIGHT * limits.acceleration {
+        return found;
+    }
     let [mut too_little, mut enough] = [0.0, 1.0];
     for _ in 0..ROOMS {
         let room = 0.5 * (too_little + enough);
@@ -85,15 +97,28 @@ fn fastest_swing(of: impl Fn(f64) -> Option<Trajectory>) -> Option<Trajectory> {
     found
 }
 
-/// A swing that leaves this share of the sum of both largest uses of the limits to what points aside.
-fn swing(from: &Knot, rows: &TendonRows, limits: &TendonLimits, room: f64) -> Option<Trajectory> {
+/// The direction of a velocity, or of the acceleration where there is none, and what of the acceleration points aside.
+fn directions(from: &Knot) -> [Configuration; 2] {
     let along = if from.velocity.norm() > 0.0 {
         from.velocity.normalize()
     } else {
         from.acceleration.normalize()
     };
+    [
+        along,
+        from.acceleration - along * from.acceleration.dot(&along),
+    ]
+}
+
+/// A swing that leaves this share of the sum of both largest uses of the limits to what points aside.
+fn swing(
+    from: &Knot,
+    [along, aside]: [Configuration; 2],
+    rows: &TendonRows,
+    limits: &TendonLimits,
+    room: f64,
+) -> Option<Trajectory> {
     let state = [from.velocity.dot(&along), from.acceleration.dot(&along)];
-    let aside = from.acceleration - along * state[1];
     let (gain, of_aside) = (rows.largest(&along), room * rows.largest(&aside));
     let acceleration = (limits.acceleration - of_aside / 3.0) / gain;
     let mut parts = fastest_with_long_parts(state, [acceleration, limits.jerk / gain])?;
