@@ -120,6 +120,8 @@ pub struct EarlySelection<'a> {
     /// it is: it may ask once whether the motions can begin in another state than the request's (its time is not read), and where they can,
     /// they do. Paths are moved by the way between the rests that the robot reaches from both, so that should be short.
     pub begin: &'a (dyn Fn(ToBeDone, &CanBegin) + Sync),
+    /// Asked while motions are joined to the one that is left: true has the fastest that is known told, and no faster one looked for.
+    pub is_due: &'a (dyn Fn() -> bool + Sync),
     /// Called with the fastest candidate, once at most, by any worker, which should not be held for long: what remains of a motion that is
     /// followed, where no other one is faster by a tenth. Motions that are joined later are not faster in general, which no bound proves.
     pub selected: &'a (dyn Fn(Candidate) + Sync),

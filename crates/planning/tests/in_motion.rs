@@ -140,6 +140,7 @@ fn the_fastest_motion_is_told_before_the_others_are_joined_whatever_the_number_o
             let told = Mutex::new(Vec::new());
             let early_selection = EarlySelection {
                 begin: &|_, _| (),
+                is_due: &|| false,
                 selected: &|candidate| told.lock().unwrap().push(candidate),
             };
             let answer = plan_selecting_early(planner, &moving, &in_motion, early_selection);
@@ -172,6 +173,7 @@ fn motions_begin_where_the_robot_is_once_paths_are_planned() {
         let (later, from_there) = fast(leaving(&then));
         let early_selection = EarlySelection {
             begin: &|_, can_begin| assert!(can_begin(&knot_at(&then))),
+            is_due: &|| false,
             selected: &|_| (),
         };
         let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
@@ -206,6 +208,7 @@ fn segments_are_joined_again_where_the_switch_was_too_near() {
             assert_eq!(to_be_done, ToBeDone::Nothing);
             assert!(can_begin(&knot_at(&then)));
         },
+        is_due: &|| false,
         selected: &|candidate| told.lock().unwrap().push(candidate),
     };
     let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
@@ -235,6 +238,7 @@ fn a_plan_with_paths_tells_late_and_one_whose_segments_settle_it_tells_at_once()
                 let is_planned = to_be_done != ToBeDone::Nothing;
                 asked.fetch_add(usize::from(is_planned), Ordering::Relaxed);
             },
+            is_due: &|| false,
             selected: &|_| {
                 told.fetch_add(1, Ordering::Relaxed);
             },
@@ -260,6 +264,7 @@ fn a_later_state_that_cannot_brake_leaves_the_plan_where_it_was() {
             assert!(!can_begin(&rushing));
             asked.fetch_add(1, Ordering::Relaxed);
         },
+        is_due: &|| false,
         selected: &|_| (),
     };
     let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
@@ -279,6 +284,7 @@ fn an_interrupt_leaves_out_all_but_the_motions_that_may_be_selected() {
     let is_interrupted = || is_told.load(Ordering::Relaxed);
     let early_selection = EarlySelection {
         begin: &|_, _| (),
+        is_due: &|| false,
         selected: &|_| is_told.store(true, Ordering::Relaxed),
     };
     let supervision = Supervision {
@@ -380,4 +386,29 @@ fn a_start_that_cannot_stop_is_refused_by_name() {
         refused,
         PlannerError::Infeasible(Infeasible::StartCannotStop)
     );
+}
+
+#[test]
+fn a_motion_that_is_due_is_told_without_a_look_for_a_faster_one() {
+    let planner = planner(2);
+    let state = rest_to_rest(&planner).at(0.2);
+    let (moving, in_motion) = leaving_in(behind_a_ball(&planner, &state), &state);
+    let told_s = [false, true].map(|is_due| {
+        let told = Mutex::new(Vec::new());
+        let early_selection = EarlySelection {
+            begin: &|_, _| (),
+            is_due: &|| is_due,
+            selected: &|candidate| told.lock().unwrap().push(candidate),
+        };
+        let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
+        let told = told.into_inner().unwrap();
+        assert_eq!(told.len(), 1);
+        assert!(
+            certify_trajectory(planner.robot(), &moving.scene, &told[0].trajectory, 0.0).is_free()
+        );
+        assert!(!answer.truncated);
+        assert_eq!(answer.candidates.len(), 10);
+        told[0].metrics.duration_s
+    });
+    assert!(told_s[0] <= told_s[1], "{told_s:?}");
 }

@@ -374,7 +374,7 @@ impl Service {
 }
 
 /// Where a motion is left by one that is ready within the one of `leads` that is for what is to be done, whenever it is asked, and not before
-/// `not_before_mono_ns`; none where nothing is to be done and the switch that was chosen first is in time.
+/// `not_before_mono_ns`, and when it must be ready; none where nothing is to be done and the switch that was chosen first is in time.
 fn late_switch(
     robot: Shared<RobotMotion>,
     first: Switch,
@@ -392,8 +392,10 @@ fn late_switch(
         }
         let work = Work::from(to_be_done);
         let (_, lead) = leads.into_iter().find(|(of, _)| *of == work)?;
-        let switch = followed.switch_after(lead.max(until(not_before_mono_ns, now)), now)?;
-        (switch.trajectory_id == first.trajectory_id).then_some(switch)
+        let lead = lead.max(until(not_before_mono_ns, now));
+        let switch = followed.switch_after(lead, now)?;
+        let known_by = Instant::now() + lead.saturating_sub(TO_THE_LOOP);
+        (switch.trajectory_id == first.trajectory_id).then_some((switch, known_by))
     })
 }
 

@@ -4,6 +4,7 @@ use crate::path::waypoints::straight_path;
 use crate::pipeline::braking::Braking;
 use crate::pipeline::selection::select;
 use crate::plan::{Candidate, Draw, Failure, Plan};
+use crate::request::Interrupt;
 use codes::{Selection, Source, Stage};
 use pcc_model::Configuration;
 use rayon::prelude::*;
@@ -28,6 +29,8 @@ pub(super) struct Joining<'a> {
     pub(super) braking: &'a Braking<'a>,
     /// Plans from where the robot then rests to one configuration alone; its fastest draw. None where the fastest motion is taken as it is.
     pub(super) anew: Option<&'a PlanAnew<'a>>,
+    /// Whether the fastest motion that is joined is to be told, and no faster one looked for.
+    pub(super) is_due: Interrupt<'a>,
 }
 
 /// The fastest draw of a plan to a configuration.
@@ -126,12 +129,12 @@ impl Joining<'_> {
         }
     }
 
-    /// The draw with its motion joined with the best of more ways to brake, where the usual ones win little of the braking.
+    /// The draw with its motion joined with the best of more ways to brake, where the usual ones win little of the braking and it is not due.
     fn braked_otherwise(&self, mut it: JoinedDraw) -> JoinedDraw {
         let braking_s = self.braking.motion.duration();
         let joined_s = it.joined.metrics.duration_s;
         let gain_s = braking_s + it.from_rest.metrics.duration_s - joined_s;
-        if gain_s > LITTLE_GAIN * braking_s {
+        if gain_s > LITTLE_GAIN * braking_s || (self.is_due)() {
             return it;
         }
         let otherwise = self
@@ -241,12 +244,14 @@ impl Joining<'_> {
         plan.candidates = joined.into_iter().filter_map(|it| it.1.ok()).collect();
     }
 
-    /// Joins motions in their order until no other one is expected to become faster than the fastest joined one; returns how many.
+    /// Joins motions in their order until no other one is expected to become faster than the fastest joined one, or until that is due; returns
+    /// how many.
     fn join_fastest(&self, from_rest: &[Candidate], joined: &mut Vec<Joined>) -> usize {
         let mut count = 0;
         for round in from_rest.chunks(AT_ONCE) {
             let fastest_s = joined.iter().map(duration_s).fold(f64::INFINITY, f64::min);
-            if round[0].metrics.duration_s > fastest_s + self.largest_gain_s() {
+            let is_slower = round[0].metrics.duration_s > fastest_s + self.largest_gain_s();
+            if is_slower || fastest_s.is_finite() && (self.is_due)() {
                 break;
             }
             let motions = round.par_iter().map(|from_rest| self.outcome(from_rest));
@@ -275,9 +280,9 @@ impl Joining<'_> {
 
     /// Plans anew to the goal configuration of the fastest motion alone, from where the robot now rests after braking, and puts the fastest
     /// motion of that plan in its place where it is faster: it is then no later than after a stop. Nothing is planned where that is known, or
-    /// where the straight segment is certified. Returns the motion.
+    /// where the straight segment is certified, or when the fastest motion is due. Returns the motion.
     fn plan_fastest_anew(&self, joined: &mut [Joined]) -> Option<JoinedDraw> {
-        let anew = self.anew?;
+        let anew = self.anew.filter(|_| !(self.is_due)())?;
         let fastest = joined
             .iter_mut()
             .min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))?;
