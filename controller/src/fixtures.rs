@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use pcc_model::{Configuration, Robot};
+use robot_driver::{Reference, TendonState};
 use shared_types::codes::MotorState;
 use shared_types::message::Setpoint;
 use trajectory::{
@@ -16,7 +17,7 @@ use crate::{
         CycleInput, CycleOutput, Departure, Ending, Executive, ExecutiveSettings, Motion,
         RobotSample,
     },
-    robot::{RememberedPose, RobotConfig, SimulatedRobot},
+    robot::{RobotConfig, SimulatedMotors},
 };
 
 pub(crate) const MS: i64 = 1_000_000;
@@ -138,7 +139,8 @@ pub(crate) struct World {
     pub(crate) robot: Robot,
     pub(crate) config: RobotConfig,
     pub(crate) executive: Executive,
-    pub(crate) simulated: SimulatedRobot,
+    pub(crate) reference: Reference,
+    motors: SimulatedMotors,
     pub(crate) now_ns: i64,
     pub(crate) daemon_alive: bool,
     pub(crate) robot_silent: bool,
@@ -176,7 +178,8 @@ impl World {
         Self {
             robot: config.robot.clone(),
             executive: Executive::new(settings, &config.robot),
-            simulated: SimulatedRobot::new(&config, now_ns, &config.start_pose()),
+            reference: Reference::new(config.reference, now_ns, &config.start_pose()),
+            motors: SimulatedMotors::new(&config, now_ns, &config.start_pose()),
             config,
             now_ns,
             daemon_alive: true,
@@ -233,31 +236,26 @@ impl World {
 
     /// A new robot process, standing where the old one's motors do.
     pub(crate) fn restart_robot(&mut self) {
-        let pose = RememberedPose {
-            position_m: *self.simulated.reference().position_m(),
-            velocity_m_s: self.simulated.reference().velocity_m_s(),
+        let pose = TendonState {
+            position_m: *self.reference.position_m(),
+            velocity_m_s: self.reference.velocity_m_s(),
         };
-        self.simulated = SimulatedRobot::new(&self.config, self.now_ns, &pose);
+        self.reference = Reference::new(self.config.reference, self.now_ns, &pose);
+        self.motors = SimulatedMotors::new(&self.config, self.now_ns, &pose);
     }
 
     /// The robot alone, for `elapsed_ns` in steps of a millisecond.
     pub(crate) fn without_controller(&mut self, elapsed_ns: i64) {
         let end_ns = self.now_ns + elapsed_ns;
         while self.now_ns < end_ns {
-            let before = (
-                self.reference_m(),
-                self.simulated.reference().velocity_m_s(),
-            );
+            let before = (self.reference_m(), self.reference.velocity_m_s());
             self.now_ns += MS;
             self.move_robot(None);
             assert_step(
                 &self.robot,
                 MS,
                 &before,
-                &(
-                    self.reference_m(),
-                    self.simulated.reference().velocity_m_s(),
-                ),
+                &(self.reference_m(), self.reference.velocity_m_s()),
             );
         }
     }
@@ -268,7 +266,7 @@ impl World {
     }
 
     pub(crate) fn reference_m(&self) -> TendonVector {
-        *self.simulated.reference().position_m()
+        *self.reference.position_m()
     }
 
     /// One cycle of both, `elapsed_ns` after the one before.
@@ -324,8 +322,9 @@ impl World {
     }
 
     fn move_robot(&mut self, target: Option<&Setpoint>) {
-        let measured = self.simulated.step(self.now_ns, target, self.stuck_tendon);
-        let reference = self.simulated.reference();
+        let targets = self.reference.step(self.now_ns, target);
+        let measured_m = self.motors.step(&targets, self.stuck_tendon);
+        let reference = &self.reference;
         if self.repeats_state {
             return;
         }
@@ -335,8 +334,11 @@ impl World {
             state: MotorState::from(reference.mode()),
             accepted_m: *reference.position_m(),
             accepted_velocity_m_s: reference.velocity_m_s(),
-            measured_m: measured.tendon_m,
-            measured_rad: measured.configuration_rad,
+            measured_m,
+            measured_rad: self
+                .robot
+                .tendons
+                .configuration(&measured_m[..self.robot.tendons.count()]),
         });
     }
 }

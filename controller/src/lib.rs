@@ -12,20 +12,10 @@ pub mod config;
 pub mod executive;
 #[cfg(test)]
 mod fixtures;
-mod heartbeat;
 pub mod robot;
 pub mod service;
-mod shared_memory;
 
-/// Tendons in every message; robots with fewer leave the rest at zero.
-pub const TENDONS: usize = shared_types::capacity::TENDONS;
-const _: () = assert!(
-    TENDONS == pcc_model::MAX_TENDONS,
-    "robot files allow what a message carries"
-);
-
-/// One number a tendon.
-pub type TendonVector = [f64; TENDONS];
+pub use robot_driver::{TENDONS, TendonVector};
 
 #[cfg(test)]
 #[global_allocator]

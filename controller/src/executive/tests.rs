@@ -8,6 +8,7 @@ use rand_pcg::{
     Pcg64,
     rand_core::{Rng, SeedableRng},
 };
+use robot_driver::Mode;
 use shared_types::codes::{CommandRefusal, LoopFault, LoopState, MotorState};
 use shared_types::message::Setpoint;
 use shared_types::valid::Signature;
@@ -15,7 +16,6 @@ use shared_types::valid::Signature;
 use crate::{
     executive::StopOrigin,
     fixtures::{MS, World, curved_motion, target_configuration},
-    robot::Mode,
 };
 
 fn run_until(world: &mut World, limit: usize, done: impl Fn(&World) -> bool) -> usize {
@@ -58,7 +58,7 @@ fn a_trajectory_is_followed_in_time_to_its_end_and_the_robot_follows() {
     let tip = |shape: &Configuration| world.robot.tip(shape);
     let measured = world.last.as_ref().unwrap().measured_rad;
     assert!((tip(&measured) - tip(&target_configuration())).norm() < 0.03);
-    assert_eq!(world.simulated.reference().refused(), 0);
+    assert_eq!(world.reference.refused(), 0);
 }
 
 #[test]
@@ -163,7 +163,7 @@ fn late_cycles_sample_by_absolute_time_without_a_jump() {
         );
     }
     assert!(late > 50, "the premise: {late} late cycles");
-    assert_eq!(world.simulated.reference().refused(), 0);
+    assert_eq!(world.reference.refused(), 0);
     assert_eq!(world.last.as_ref().unwrap().fault, LoopFault::None);
 }
 
@@ -278,7 +278,7 @@ fn a_restarted_controller_waits_for_rest_and_takes_hold_without_a_jump() {
         let mut sent_while_moving = false;
         let mut first_sent = None;
         for _ in 0..600 {
-            let rested = world.simulated.reference().velocity_m_s() == [0.0; 9];
+            let rested = world.reference.velocity_m_s() == [0.0; 9];
             let reference_m = world.reference_m();
             let output = world.cycle(MS);
             sent_while_moving |= output.send && !rested;
@@ -292,7 +292,7 @@ fn a_restarted_controller_waits_for_rest_and_takes_hold_without_a_jump() {
             first_m, reference_m,
             "it holds the accepted tendons themselves"
         );
-        assert_eq!(world.simulated.reference().mode(), Mode::Following);
+        assert_eq!(world.reference.mode(), Mode::Following);
         assert_eq!(
             state(&world),
             LoopState::Holding,
@@ -344,7 +344,7 @@ fn a_stalled_loop_finds_the_robot_at_rest_and_never_pulls_it_back() {
         world.run(600);
         world.executive.reset(Signature::UNSIGNED).unwrap();
         run_until(&mut world, 300, |world| state(world) == LoopState::Holding);
-        assert_eq!(world.simulated.reference().refused(), 0);
+        assert_eq!(world.reference.refused(), 0);
     }
 }
 
@@ -363,7 +363,7 @@ fn a_pause_of_the_whole_machine_is_one_late_cycle_and_no_fault() {
         assert!(after.tracking_error_rad < 2e-3, "{after:?}");
         world.run(100);
         assert_eq!(state(&world), LoopState::Executing);
-        assert_eq!(world.simulated.reference().refused(), 0);
+        assert_eq!(world.reference.refused(), 0);
         run_until(&mut world, 20_000, |world| {
             state(world) == LoopState::Holding
         });
@@ -446,8 +446,8 @@ fn a_set_point_beyond_the_limits_is_never_sent() {
             (LoopFault::InvalidSetpoint, false)
         );
         world.run(400);
-        assert_eq!(world.simulated.reference().mode(), Mode::AtRestAfterLoss);
-        assert_eq!(world.simulated.reference().refused(), 0);
+        assert_eq!(world.reference.mode(), Mode::AtRestAfterLoss);
+        assert_eq!(world.reference.refused(), 0);
     }
 }
 
@@ -466,13 +466,8 @@ fn a_robot_in_fault_is_detached_until_reset() {
         ..Setpoint::ZEROED
     };
     world.now_ns += MS;
-    world
-        .simulated
-        .step(world.now_ns, Some(&foreign), world.stuck_tendon);
-    assert_eq!(
-        MotorState::from(world.simulated.reference().mode()),
-        MotorState::Fault
-    );
+    world.reference.step(world.now_ns, Some(&foreign));
+    assert_eq!(MotorState::from(world.reference.mode()), MotorState::Fault);
     world.last = None;
     world.run(5);
     assert_eq!(world.last.as_ref().unwrap().fault, LoopFault::RobotFault);

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use input_files::{SettingsError, SettingsFile};
 use pcc_model::{Configuration, DOF, Numbers, Robot};
+use robot_driver::{ReferenceLimits, TendonState};
 
-use super::{MotorLimits, ReferenceLimits, RememberedPose};
+use super::MotorLimits;
 use crate::{
     TENDONS,
     config::{ConfigError, check_loop, robot_of},
@@ -85,13 +86,13 @@ impl RobotConfig {
 
     /// The pose of a robot that remembers nothing: the start configuration at rest.
     #[must_use]
-    pub fn start_pose(&self) -> RememberedPose {
+    pub fn start_pose(&self) -> TendonState {
         let mut position_m = [0.0; TENDONS];
         let count = self.robot.tendons.count();
         self.robot
             .tendons
             .lengths(&self.start_configuration_rad, &mut position_m[..count]);
-        RememberedPose {
+        TendonState {
             position_m,
             velocity_m_s: [0.0; TENDONS],
         }

@@ -1,17 +1,13 @@
-//! The simulated robot: motors with limits, backlash and noise behind checked set-points, in a process of its own.
+//! The simulated robot: motors with limits, backlash and noise behind a driver's checked set-points, in a process of its own.
 
 mod config;
 mod motor;
 mod pose_memory;
-mod reference;
 mod service;
-mod setpoint;
-mod simulated_robot;
+mod simulated_motors;
 
 pub use config::RobotConfig;
 pub use motor::{Motor, MotorLimits, MotorTarget};
-pub use pose_memory::{PoseMemory, RememberedPose};
-pub use reference::{FAULT_SILENCE_NS, Reference};
+pub use pose_memory::PoseMemory;
 pub use service::{Switches, run};
-pub use setpoint::{Mode, ReferenceLimits, Refusal};
-pub use simulated_robot::{Measurement, SimulatedRobot};
+pub use simulated_motors::SimulatedMotors;

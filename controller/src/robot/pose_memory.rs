@@ -10,17 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use realtime::MappedFile;
-
-use crate::{TENDONS, TendonVector};
-
-/// The reference at the last cycle of the process that wrote it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RememberedPose {
-    /// Tendon lengths relative to straight, m.
-    pub position_m: TendonVector,
-    /// Rates of the tendon lengths, m/s.
-    pub velocity_m_s: TendonVector,
-}
+use robot_driver::{TENDONS, TendonState};
 
 const NUMBERS: usize = 2 * TENDONS;
 
@@ -57,10 +47,10 @@ impl PoseMemory {
 
     /// The pose of the last process, `None` in a new file or where the numbers are not finite.
     #[must_use]
-    pub fn recall(&self) -> Option<RememberedPose> {
+    pub fn recall(&self) -> Option<TendonState> {
         let newest = self.newest()?;
         let number = |index: usize| f64::from_bits(newest.numbers[index].load(Ordering::Relaxed));
-        let pose = RememberedPose {
+        let pose = TendonState {
             position_m: std::array::from_fn(number),
             velocity_m_s: std::array::from_fn(|tendon| number(TENDONS + tendon)),
         };
@@ -69,7 +59,7 @@ impl PoseMemory {
     }
 
     /// Writes the pose over the older of the two copies.
-    pub fn remember(&mut self, pose: &RememberedPose) {
+    pub fn remember(&mut self, pose: &TendonState) {
         self.count += 1;
         let copy = self.copies()[(self.count % 2) as usize];
         copy.count.store(0, Ordering::Release);
@@ -107,8 +97,8 @@ impl PoseMemory {
 mod tests {
     use super::*;
 
-    fn pose(number: f64) -> RememberedPose {
-        RememberedPose {
+    fn pose(number: f64) -> TendonState {
+        TendonState {
             position_m: std::array::from_fn(|tendon| number + tendon as f64),
             velocity_m_s: [-number; TENDONS],
         }

@@ -29,8 +29,6 @@ use std::{
 use shared_types::ipc::{IpcError, IpcOptions, Role, RoleLock, spawn_with_ports};
 use tracing::{info, warn};
 
-use crate::shared_memory;
-
 use guard::{Guard, GuardSettings};
 use hard_loop::LoopThread;
 use link::Shared;
@@ -72,7 +70,7 @@ pub fn run(
         threads.push(start("relay", open_relay, Relay::serve)?);
         threads.push(start("guard", open_guard, Guard::serve)?);
         threads.push(start("hard-loop", open_loop, LoopThread::run)?);
-        shared_memory::claim(options)
+        robot_driver::claim_shared_memory(options)
     })();
     if started.is_err() {
         shared.quit.store(true, Ordering::Relaxed);

@@ -3,17 +3,15 @@
 use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::{
     codes::ProcessKind,
-    ipc::{self, CyclePublisher, IpcError, IpcNode, IpcOptions, Publisher, Subscriber},
+    ipc::{self, CyclePublisher, Heartbeats, IpcError, IpcNode, IpcOptions, Publisher, Subscriber},
     message::{ControllerState, Cycle, MotionResult, TrajectoryMessage},
 };
 use tracing::debug;
 
-use crate::heartbeat::Heartbeats;
-
 /// Ports of the relay thread.
 pub(super) struct Ports {
     trajectory: Subscriber<TrajectoryMessage>,
-    pub(super) heartbeats: Heartbeats,
+    heartbeats: Heartbeats,
     state: Publisher<ControllerState>,
     results: Publisher<MotionResult>,
     cycles: CyclePublisher,
@@ -57,6 +55,12 @@ impl Ports {
         }
     }
 
+    pub(super) fn send_heartbeat(&mut self, instance: u64) {
+        if let Err(error) = self.heartbeats.send(instance) {
+            debug!(?error, "cannot send a heartbeat");
+        }
+    }
+
     /// Sends the result of a motion; false where it cannot be sent now.
     pub(super) fn send_result(&self, result: &MotionResult) -> bool {
         let sent = self.results.send_copy(*result);
@@ -89,6 +93,6 @@ impl Ports {
         let _ = self.state.update_connections();
         let _ = self.results.update_connections();
         let _ = self.cycles.update_connections();
-        let _ = self.heartbeats.port.update_connections();
+        let _ = self.heartbeats.update_connections();
     }
 }

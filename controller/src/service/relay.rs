@@ -156,7 +156,7 @@ impl Relay {
                 self.send_state();
             }
             if beat.is_due(now_ns) {
-                self.ports.heartbeats.send(self.view.instance());
+                self.ports.send_heartbeat(self.view.instance());
             }
             if tidy.is_due(now_ns) {
                 self.ports.tidy();

@@ -13,6 +13,7 @@
 
 mod error;
 mod event;
+mod heartbeats;
 mod live;
 mod memory;
 mod node;
@@ -33,6 +34,7 @@ pub use event::{
     EVENTS, EventDescription, EventListener, EventNotifier, EventService, event_listener,
     event_notifier, plan_answered_event, plan_asked_event,
 };
+pub use heartbeats::Heartbeats;
 pub use live::{LiveService, live_services};
 pub use memory::{plan_bytes, shared_memory};
 pub use node::IpcNode;

@@ -1,3 +1,4 @@
+use robot_driver::Mode;
 use shared_types::codes::{LoopFault, LoopState, Waiting};
 use shared_types::valid::Signature;
 
@@ -5,7 +6,6 @@ use super::{run_until, state};
 use crate::{
     executive::{CycleInput, RobotSample},
     fixtures::{MS, World},
-    robot::Mode,
 };
 
 fn waiting(world: &World) -> Waiting {
@@ -106,7 +106,7 @@ fn what_a_starting_controller_waits_for_has_a_name() {
     let cases: [(Waiting, Spoil); 6] = [
         (Waiting::RobotFollowsAnother, |_| {}),
         (Waiting::RobotFault, |s| {
-            s.state = Mode::Fault(crate::robot::Refusal::Stamp).into();
+            s.state = Mode::Fault(robot_driver::Refusal::Stamp).into();
         }),
         (Waiting::RobotMoves, |s| s.state = Mode::Ramping.into()),
         (Waiting::RobotMoves, |s| {
@@ -224,6 +224,6 @@ fn a_killed_robot_that_comes_back_is_found_where_it_stands() {
             LoopState::Holding,
             "killed after {kill_at} ms"
         );
-        assert_eq!(world.simulated.reference().mode(), Mode::Following);
+        assert_eq!(world.reference.mode(), Mode::Following);
     }
 }

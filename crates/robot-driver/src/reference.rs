@@ -1,4 +1,4 @@
-//! The reference that the simulated robot's motors track: set-point checks, extrapolation, and the ramp to rest.
+//! The reference that a robot's motors track: set-point checks, extrapolation, and the ramp to rest.
 //!
 //! Between set-points the reference goes on at constant velocity. After [`ReferenceLimits::lost_after_ns`] without one
 //! it ramps to rest: all tendon velocities are scaled by one factor, so that the robot decelerates along its path's tangent,
@@ -9,7 +9,7 @@
 //! rest. The fault lasts until the line has been silent for [`FAULT_SILENCE_NS`]: a controller goes silent only when
 //! it starts or is reset.
 
-use super::{Mode, ReferenceLimits, Refusal};
+use crate::setpoint::{Mode, MotorTargets, ReferenceLimits, Refusal, TendonState};
 use crate::{TENDONS, TendonVector};
 use shared_types::clock::seconds;
 use shared_types::message::Setpoint;
@@ -45,14 +45,13 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// A reference at `position_m` moving at `velocity_m_s`: at rest it is [`Mode::Idle`], otherwise it ramps to rest.
+    /// A reference that begins in a state: at rest it is [`Mode::Idle`], otherwise it ramps to rest.
     #[must_use]
-    pub fn new(
-        limits: ReferenceLimits,
-        now_ns: i64,
-        position_m: TendonVector,
-        velocity_m_s: TendonVector,
-    ) -> Self {
+    pub fn new(limits: ReferenceLimits, now_ns: i64, state: &TendonState) -> Self {
+        let TendonState {
+            position_m,
+            velocity_m_s,
+        } = *state;
         let moving = largest(&velocity_m_s) > 0.0;
         Self {
             limits,
@@ -69,6 +68,21 @@ impl Reference {
             silent_ns: 0,
             ramps_to_rest: u32::from(moving),
             refused: 0,
+        }
+    }
+
+    /// One cycle: takes `setpoint` where one arrived, moves on to `now_ns`, and says what the motors are to do.
+    pub fn step(&mut self, now_ns: i64, setpoint: Option<&Setpoint>) -> MotorTargets {
+        if let Some(setpoint) = setpoint {
+            // A refusal is kept in mode and counter.
+            let _ = self.offer(now_ns, setpoint);
+        }
+        self.advance(now_ns);
+        MotorTargets {
+            stamp_ns: now_ns,
+            position_m: self.position_m,
+            velocity_m_s: self.velocity_m_s(),
+            acceleration_m_s2: self.acceleration_m_s2(),
         }
     }
 
@@ -299,7 +313,7 @@ mod tests {
     const MS: i64 = 1_000_000;
 
     fn at_rest() -> Reference {
-        Reference::new(LIMITS, 0, [0.0; TENDONS], [0.0; TENDONS])
+        Reference::new(LIMITS, 0, &TendonState::default())
     }
 
     /// Accelerates all tendons (the first fastest) at half the limit until `end_ms`; returns the last target.
@@ -385,7 +399,7 @@ mod tests {
             ..Setpoint::ZEROED
         };
         let now_ns = 60_000 * MS;
-        let mut reference = Reference::new(LIMITS, now_ns, [0.0; TENDONS], [0.0; TENDONS]);
+        let mut reference = Reference::new(LIMITS, now_ns, &TendonState::default());
         for stamp_ns in [i64::MIN, 0, now_ns - 21 * MS] {
             let refusal = reference.offer(now_ns, &target(stamp_ns, 0.0));
             assert_eq!(refusal, Err(Refusal::Stamp));
@@ -435,7 +449,14 @@ mod tests {
 
     #[test]
     fn a_robot_that_was_moving_when_it_restarted_ramps_to_rest_first() {
-        let mut reference = Reference::new(LIMITS, 0, [0.1; TENDONS], [0.04; TENDONS]);
+        let mut reference = Reference::new(
+            LIMITS,
+            0,
+            &TendonState {
+                position_m: [0.1; TENDONS],
+                velocity_m_s: [0.04; TENDONS],
+            },
+        );
         assert_eq!(reference.mode(), Mode::Ramping);
         (1..=101).for_each(|ms| reference.advance(ms * MS));
         assert_eq!(reference.mode(), Mode::AtRestAfterLoss);

@@ -9,7 +9,7 @@ use tracing::warn;
 ///
 /// # Errors
 /// [`IpcError::Failed`]: there is no room for them.
-pub(crate) fn claim(options: &IpcOptions) -> Result<(), IpcError> {
+pub fn claim_shared_memory(options: &IpcOptions) -> Result<(), IpcError> {
     match realtime::prefault_shared_memory(&options.prefix) {
         Err(error) if error.kind() == io::ErrorKind::InvalidInput => {
             warn!("before Linux 5.14 a full /dev/shm can end this process while the robot moves");

@@ -1,6 +1,14 @@
 //! The limits that set-points are checked against, and the results.
 
+use pcc_model::Robot;
 use shared_types::codes::MotorState;
+
+use crate::TendonVector;
+
+/// Factor on the robot's limits up to which set-points are accepted: rounding is no fault.
+const USUAL_ALLOWANCE: f64 = 1.05;
+/// Time without a set-point after which a robot ramps to rest, ns.
+const USUAL_LOST_AFTER_NS: i64 = 20_000_000;
 
 /// Limits of the reference, for each tendon.
 #[derive(Clone, Copy, Debug)]
@@ -13,6 +21,52 @@ pub struct ReferenceLimits {
     pub allowance: f64,
     /// Time without a set-point after which the ramp to rest begins, ns.
     pub lost_after_ns: i64,
+}
+
+impl ReferenceLimits {
+    /// The limits of a robot file; set-points are accepted up to 1.05 of them, and lost after 20 ms.
+    #[must_use]
+    pub fn of(robot: &Robot) -> Self {
+        Self {
+            velocity_m_s: robot.tendon_limits.velocity,
+            acceleration_m_s2: robot.tendon_limits.acceleration,
+            allowance: USUAL_ALLOWANCE,
+            lost_after_ns: USUAL_LOST_AFTER_NS,
+        }
+    }
+}
+
+/// Where tendons are, and how they move; by default at rest in the straight robot.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TendonState {
+    /// Lengths relative to the straight robot, m.
+    pub position_m: TendonVector,
+    /// Rates of the lengths, m/s.
+    pub velocity_m_s: TendonVector,
+}
+
+/// What motors are to do in a cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotorTargets {
+    /// Time for which this is, ns of CLOCK_MONOTONIC.
+    pub stamp_ns: i64,
+    /// Tendon lengths relative to the straight robot, m.
+    pub position_m: TendonVector,
+    /// Rates of the lengths, m/s.
+    pub velocity_m_s: TendonVector,
+    /// Accelerations of the lengths, m/s².
+    pub acceleration_m_s2: TendonVector,
+}
+
+impl MotorTargets {
+    /// Positions and velocities alone.
+    #[must_use]
+    pub fn state(&self) -> TendonState {
+        TendonState {
+            position_m: self.position_m,
+            velocity_m_s: self.velocity_m_s,
+        }
+    }
 }
 
 /// Whether the reference follows set-points, ramps to rest, or rests.
