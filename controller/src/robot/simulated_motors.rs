@@ -1,6 +1,5 @@
 //! Motors and sensors of all tendons, as the robot's process drives them.
 
-use pcc_model::TendonMap;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::{Pcg64, rand_core::SeedableRng};
 use robot_driver::{MotorTargets, TendonState};
