@@ -226,17 +226,17 @@ impl Figures {
     }
 
     /// Compares a joined motion that was begun with stopping first: by a lower bound of every stop, and where it is later than that, by the
-    /// shortest stop.
+    /// shortest stop. Returns whether it is later than that, too.
     pub(super) fn compare(
         &mut self,
         robot: &Robot,
         motion: &Published,
         reference: &StopThenGo,
         is_truncated: bool,
-    ) {
+    ) -> bool {
         let Some(go_s) = reference.go_s else {
             self.without_reference += 1;
-            return;
+            return false;
         };
         let duration_s = motion.knots.last().map_or(f64::NAN, |knot| knot.time_s);
         let share = |stop_s: f64| (stop_s + go_s - duration_s) / stop_s;
@@ -254,6 +254,7 @@ impl Figures {
         self.later_truncated += usize::from(is_truncated && is_later(&won));
         self.won.push(won);
         self.won_ahead.push(share(reference.stop_ahead_s));
+        is_later(&won)
     }
 }
 

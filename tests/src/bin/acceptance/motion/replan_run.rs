@@ -1,5 +1,7 @@
 //! Replans at random instants of motion, one after the other, and everything that was heard meanwhile.
 
+use std::fs::File;
+use std::io::Write;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -10,12 +12,13 @@ use shared_types::codes::{LoopFault, LoopState, Outcome};
 use tests::brute_force::Ball;
 use tests::geometry::seeded;
 use tests::judge::Judge;
-use tests::listener::{Heard, Listener};
-use tests::replans::{ReplanScene, random_pause, replan, stop_then_go};
+use tests::listener::{Heard, Listener, Published};
+use tests::replans::{ReplanScene, StopThenGo, random_pause, replan, stop_then_go};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
 use super::figures::{Answered, Asked, Figures, first_followed};
+use crate::runs::folder;
 
 /// Seed of scenes, tips and pauses: nothing was trained with it.
 const SEED: u64 = 9_101;
@@ -184,7 +187,35 @@ fn references(
             continue;
         };
         let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
-        figures.compare(&stack.world.robot, motion, &reference, is_truncated);
+        if figures.compare(&stack.world.robot, motion, &reference, is_truncated) {
+            keep_later(motion, &reference, scene, seed)?;
+        }
     }
     Ok(())
+}
+
+/// Adds a motion that arrived later than after a stop to a file, with all that it takes to plan it again.
+fn keep_later(
+    motion: &Published,
+    reference: &StopThenGo,
+    scene: &ReplanScene,
+    seed: u64,
+) -> anyhow::Result<()> {
+    let knots = motion.knots.iter();
+    let knots: Vec<_> = knots.map(|knot| (knot.time_s, knot.values)).collect();
+    let balls = scene.balls.iter();
+    let balls: Vec<_> = balls.map(|ball| (ball.centre_m, ball.radius_m)).collect();
+    let case = serde_json::json!({
+        "seed": seed,
+        "balls": balls,
+        "knots": knots,
+        "go_s": reference.go_s,
+        "stop_ahead_s": reference.stop_ahead_s,
+    });
+    std::fs::create_dir_all(folder())?;
+    let mut file = File::options()
+        .create(true)
+        .append(true)
+        .open(folder().join("later-replans.jsonl"))?;
+    Ok(writeln!(file, "{case}")?)
 }
