@@ -8,7 +8,7 @@ use shared_types::codes::Sampler;
 /// Time from a motion that is ready until the controller's loop has it, where that is not to be missed.
 pub(super) const TO_THE_LOOP: Duration = Duration::from_micros(2_500);
 /// Time before that from which on no faster motion is looked for: what is under way takes about so long.
-pub(super) const LAST_STEP: Duration = Duration::from_millis(1);
+pub(super) const LAST_STEP: Duration = Duration::from_micros(500);
 /// Lead of the first requests of a kind, before it is known how long they take.
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
@@ -65,8 +65,8 @@ impl Work {
     }
 
     /// How carefully the time of the work is foreseen. The goal that stays is followed the more closely the shorter its lead is, and planned
-    /// anew all the time; segments that take longer are followed by the fastest once more; where paths are joined that take longer, the fastest
-    /// so far is taken. Any other switch is to be missed but rarely.
+    /// anew all the time; segments that take longer are followed by the fastest once more. Any other switch is to be missed but rarely, and
+    /// where paths are joined that take longer, the fastest so far is taken, which may be later than after a stop.
     fn foresight(self) -> Foresight {
         match self {
             Self::WholePlanToKeptGoal => Foresight {
@@ -80,9 +80,9 @@ impl Work {
                 to_the_loop: TO_THE_LOOP,
             },
             Self::Joining | Self::JoiningAndPlanningAnew => Foresight {
-                exceptional: 8,
-                margin: 1.05,
-                to_the_loop: TO_THE_LOOP + LAST_STEP,
+                exceptional: 32,
+                margin: 1.1,
+                to_the_loop: TO_THE_LOOP,
             },
             Self::WholePlan | Self::FastestSegment => Foresight {
                 exceptional: 32,
