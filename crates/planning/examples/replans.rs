@@ -138,7 +138,6 @@ impl Chain<'_> {
                     is_late.store(true, Ordering::Relaxed);
                 }
             },
-            is_due: &|| false,
             selected: &|candidate| {
                 selected.get_or_init(|| (took_ms(), candidate));
             },

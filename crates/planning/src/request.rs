@@ -102,7 +102,7 @@ pub struct Supervision<'a> {
 /// What is to be done until the fastest motion of a request is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ToBeDone {
-    /// Nothing, unless the motions begin in another state: the fastest straight segment is then joined again.
+    /// Nothing, unless the motions begin in another state: the fastest one is then joined again.
     Nothing,
     /// Paths are joined to the motion that is left.
     Joining,
@@ -116,12 +116,10 @@ pub type CanBegin<'a> = dyn Fn(&Knot) -> bool + 'a;
 /// Has the fastest motion of a request that begins in motion before the others are joined to the motion that is left.
 #[derive(Clone, Copy)]
 pub struct EarlySelection<'a> {
-    /// Called before the fastest motion is told, and when paths are planned but the fastest motion is not known, with what is to be done until
-    /// it is: it may ask once whether the motions can begin in another state than the request's (its time is not read), and where they can,
-    /// they do. Paths are moved by the way between the rests that the robot reaches from both, so that should be short.
+    /// Called before the fastest motion is told, and before that when paths are planned but the fastest motion is not known, with what is to be
+    /// done until it is: it may ask once whether the motions can begin in another state than before (its time is not read), and where they
+    /// can, they do. Paths are moved by the way between the rests that the robot reaches from both, so that should be short.
     pub begin: &'a (dyn Fn(ToBeDone, &CanBegin) + Sync),
-    /// Asked while motions are joined to the one that is left: true has the fastest that is known told, and no faster one looked for.
-    pub is_due: &'a (dyn Fn() -> bool + Sync),
     /// Called with the fastest candidate, once at most, by any worker, which should not be held for long: what remains of a motion that is
     /// followed, where no other one is faster by a tenth. Motions that are joined later are not faster in general, which no bound proves.
     pub selected: &'a (dyn Fn(Candidate) + Sync),

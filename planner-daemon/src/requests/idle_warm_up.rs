@@ -47,7 +47,6 @@ impl Run {
         };
         let early_selection = EarlySelection {
             begin: &|_, _| {},
-            is_due: &|| false,
             selected: &|_| is_known.store(true, Ordering::Relaxed),
         };
         let supervision = Supervision {

@@ -7,8 +7,6 @@ use shared_types::codes::Sampler;
 
 /// Time from a motion that is ready until the controller's loop has it, where that is not to be missed.
 pub(super) const TO_THE_LOOP: Duration = Duration::from_micros(2_500);
-/// Time before that from which on no faster motion is looked for: what is under way takes about so long.
-pub(super) const LAST_STEP: Duration = Duration::from_micros(500);
 /// Lead of the first requests of a kind, before it is known how long they take.
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
@@ -33,8 +31,8 @@ pub(crate) enum Work {
     WholePlanToKeptGoal,
     /// Straight segments are joined to the motion that is left, of which the fastest motion mostly is one.
     StraightSegments,
-    /// The fastest of them alone is joined again, where the switch has come too near meanwhile.
-    FastestSegment,
+    /// The fastest motion alone is joined again, where the switch has come too near meanwhile.
+    FastestAgain,
     /// Paths that are planned are joined to the motion that is left, until the fastest is known.
     Joining,
     /// The same, and a plan to the goal configuration of the fastest one.
@@ -44,7 +42,7 @@ pub(crate) enum Work {
 impl From<ToBeDone> for Work {
     fn from(to_be_done: ToBeDone) -> Self {
         match to_be_done {
-            ToBeDone::Nothing => Self::FastestSegment,
+            ToBeDone::Nothing => Self::FastestAgain,
             ToBeDone::Joining => Self::Joining,
             ToBeDone::JoiningAndPlanningAnew => Self::JoiningAndPlanningAnew,
         }
@@ -55,7 +53,7 @@ impl Work {
     /// Other work that takes longer, by which it is foreseen as long as it was not done itself.
     fn takes_longer(self) -> Option<Self> {
         match self {
-            Self::FastestSegment => Some(Self::StraightSegments),
+            Self::FastestAgain => Some(Self::StraightSegments),
             Self::Joining => Some(Self::JoiningAndPlanningAnew),
             Self::WholePlan
             | Self::WholePlanToKeptGoal
@@ -65,8 +63,7 @@ impl Work {
     }
 
     /// How carefully the time of the work is foreseen. The goal that stays is followed the more closely the shorter its lead is, and planned
-    /// anew all the time; segments that take longer are followed by the fastest once more. Any other switch is to be missed but rarely, and
-    /// where paths are joined that take longer, the fastest so far is taken, which may be later than after a stop.
+    /// anew all the time; segments and paths that take longer are followed by the fastest once more; any other switch is to be missed but rarely.
     fn foresight(self) -> Foresight {
         match self {
             Self::WholePlanToKeptGoal => Foresight {
@@ -80,11 +77,11 @@ impl Work {
                 to_the_loop: TO_THE_LOOP,
             },
             Self::Joining | Self::JoiningAndPlanningAnew => Foresight {
-                exceptional: 32,
-                margin: 1.1,
+                exceptional: 16,
+                margin: 1.05,
                 to_the_loop: TO_THE_LOOP,
             },
-            Self::WholePlan | Self::FastestSegment => Foresight {
+            Self::WholePlan | Self::FastestAgain => Foresight {
                 exceptional: 32,
                 margin: 1.2,
                 to_the_loop: TO_THE_LOOP,
@@ -199,7 +196,7 @@ mod tests {
             Work::WholePlan,
             Work::WholePlanToKeptGoal,
             Work::StraightSegments,
-            Work::FastestSegment,
+            Work::FastestAgain,
             Work::Joining,
             Work::JoiningAndPlanningAnew,
         ] {
@@ -246,7 +243,7 @@ mod tests {
         times.note(kind(Work::JoiningAndPlanningAnew), Duration::from_millis(5));
         let known = times.lead(kind(Work::JoiningAndPlanningAnew));
         assert_eq!(times.lead(kind(Work::Joining)), known);
-        assert_eq!(times.lead(kind(Work::FastestSegment)), FIRST_LEAD);
+        assert_eq!(times.lead(kind(Work::FastestAgain)), FIRST_LEAD);
         times.note(kind(Work::Joining), Duration::from_millis(1));
         assert!(times.lead(kind(Work::Joining)) < known);
     }

@@ -7,7 +7,7 @@ use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use pcc_model::UnitRobot;
@@ -16,7 +16,6 @@ use planning::{
 };
 
 use super::idle_warm_up::IdleWarmUp;
-use super::lead_times::LAST_STEP;
 use super::planned::{Planned, guarded};
 use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
@@ -40,9 +39,9 @@ pub(crate) struct Job {
     pub(crate) cancelled: Arc<AtomicBool>,
 }
 
-/// Chooses where the motion that is followed is left, with what is still to be done, and when the fastest motion must be known for that; none
-/// where the switch that was chosen first is in time, or the motion cannot be left any more.
-pub(crate) type LateSwitch = Box<dyn Fn(ToBeDone) -> Option<(Switch, Instant)> + Send + Sync>;
+/// Chooses where the motion that is followed is left, with what is still to be done; none where the switch that was chosen last is in time, or
+/// the motion cannot be left any more.
+pub(crate) type LateSwitch = Box<dyn Fn(ToBeDone) -> Option<Switch> + Send + Sync>;
 
 /// Where candidates begin, as it was chosen while they were planned.
 pub(crate) struct LateBegin {
@@ -101,8 +100,8 @@ impl PlanRunner {
     /// # Errors
     /// What the system says where there can be no more files.
     pub(crate) fn new(planner: Arc<Planner>) -> io::Result<Self> {
-        // Room for one output of each kind, so that a worker never waits.
-        let (outgoing, outputs) = sync_channel(4);
+        // Room for all outputs of a job (motions begin elsewhere twice at most), so that a worker never waits.
+        let (outgoing, outputs) = sync_channel(5);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
             idle: IdleWarmUp::new(Arc::clone(&planner)),
@@ -168,16 +167,11 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
             }
         }
     };
-    let known_by = OnceLock::new();
     let begin = |to_be_done: ToBeDone, can_begin: &CanBegin| {
         let chosen = Instant::now();
         let choose = job.late_switch.as_ref();
-        let late = choose.and_then(|choose| choose(to_be_done));
-        let late = late.filter(|(switch, _)| can_begin(&switch.state));
-        let switch = late.map(|(switch, by)| {
-            known_by.get_or_init(|| by);
-            switch
-        });
+        let switch = choose.and_then(|choose| choose(to_be_done));
+        let switch = switch.filter(|switch| can_begin(&switch.state));
         if switch.is_some() || to_be_done != ToBeDone::Nothing {
             outgoing.send(PlanOutput::Begins(LateBegin {
                 switch,
@@ -188,10 +182,6 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
     };
     let early_selection = EarlySelection {
         begin: &begin,
-        is_due: &|| {
-            let by = known_by.get();
-            by.is_some_and(|by| Instant::now() + LAST_STEP >= *by)
-        },
         selected: &|candidate| {
             let (in_work, is_done) = sync_channel(1);
             outgoing.send(PlanOutput::Selected(candidate, in_work));

@@ -1,7 +1,7 @@
 //! The turn of one request: its start, planning, execution, the answer.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use collision::SceneError;
@@ -80,7 +80,7 @@ impl Service {
         let selects_early = selects_early && problem.moving.is_empty();
         let kind = queued.kind(selects_early);
         let late_works = [
-            Work::FastestSegment,
+            Work::FastestAgain,
             Work::Joining,
             Work::JoiningAndPlanningAnew,
         ];
@@ -214,8 +214,8 @@ impl Service {
         };
         let work = Work::from(begin.to_be_done);
         let kind = in_flight.kind.take();
-        if let (Some(kind), Work::FastestSegment) = (kind, work) {
-            // The segments took too long for the first switch.
+        if let (Some(kind), Work::FastestAgain) = (kind, work) {
+            // The work took too long for its switch.
             let took = begin.chosen - in_flight.begin_chosen;
             self.lead_times.note(kind, took);
         }
@@ -374,28 +374,30 @@ impl Service {
 }
 
 /// Where a motion is left by one that is ready within the one of `leads` that is for what is to be done, whenever it is asked, and not before
-/// `not_before_mono_ns`, and when it must be ready; none where nothing is to be done and the switch that was chosen first is in time.
+/// `not_before_mono_ns`; none where nothing is to be done and the switch that was chosen last is in time.
 fn late_switch(
     robot: Shared<RobotMotion>,
     first: Switch,
     leads: [(Work, Duration); 3],
     not_before_mono_ns: Option<i64>,
 ) -> LateSwitch {
+    let last = Mutex::new(first);
     Box::new(move |to_be_done| {
         let RobotMotion::Following(followed) = robot.get() else {
             return None;
         };
         let now = mono_now_ns();
-        let in_time = followed.is_ahead(&first, TO_THE_LOOP.mul_f64(0.75), now);
+        let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
+        let in_time = followed.is_ahead(&last, TO_THE_LOOP.mul_f64(0.75), now);
         if to_be_done == ToBeDone::Nothing && in_time {
             return None;
         }
         let work = Work::from(to_be_done);
         let (_, lead) = leads.into_iter().find(|(of, _)| *of == work)?;
-        let lead = lead.max(until(not_before_mono_ns, now));
-        let switch = followed.switch_after(lead, now)?;
-        let known_by = Instant::now() + lead.saturating_sub(TO_THE_LOOP);
-        (switch.trajectory_id == first.trajectory_id).then_some((switch, known_by))
+        let switch = followed.switch_after(lead.max(until(not_before_mono_ns, now)), now)?;
+        let switch = Some(switch).filter(|it| it.trajectory_id == last.trajectory_id)?;
+        *last = switch;
+        Some(switch)
     })
 }
 

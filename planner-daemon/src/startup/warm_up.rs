@@ -73,7 +73,6 @@ fn plan_in_motion(
                 late.get_or_init(|| (Work::from(to_be_done), Instant::now()));
             }
         },
-        is_due: &|| false,
         selected: &|_| {
             selected.get_or_init(Instant::now);
         },

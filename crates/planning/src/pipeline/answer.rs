@@ -8,18 +8,15 @@ use crate::path::waypoints::Waypoints;
 use crate::pipeline::braking::Braking;
 use crate::pipeline::context::{Drawn, RequestContext};
 use crate::pipeline::goal_set::{GoalSet, goal_set};
-use crate::pipeline::joining::{JoinedSegments, Joining};
+use crate::pipeline::joining::{JoinedSegments, Joining, Late};
 use crate::pipeline::previous_plan::kept_path;
 use crate::pipeline::{default, fast, straight_line, trees, whole_paths};
 use crate::plan::{Candidate, Draw, Failure, Plan};
-use crate::request::{EarlySelection, Guidance, Interrupt, StartMotion, Supervision, ToBeDone};
+use crate::request::{EarlySelection, Guidance, StartMotion, Supervision, ToBeDone};
 use crate::stage_times::StageTimes;
 use codes::{Sampler, Source, Stage};
 use pcc_model::Configuration;
 use std::cell::OnceCell;
-
-/// Who is never in a hurry.
-const NEVER: fn() -> bool = || false;
 
 /// Answers a request.
 ///
@@ -108,13 +105,9 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
     let padded = context.constraints.padded;
     let after = RequestContext::new(context.resources, padded, &after, &shorter, supervision)
         .with_bending_slack(braking.bending_slack_rad());
-    let is_due = supervision
-        .early_selection
-        .map_or(&NEVER as _, |early| early.is_due);
     let joining = Joining {
         braking: &braking,
         anew: None,
-        is_due,
     };
     if !context.constraints.moving.is_empty() {
         return Ok(joining.plan(from_rest(&after)?, JoinedSegments::default(), None));
@@ -139,14 +132,17 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         (None, Some(later)) => (later, segments),
         (None, None) => (&braking, segments),
     };
-    let interrupt = || (supervision.interrupt)() || is_due();
-    let anew = |end: &Configuration| fastest_to(context, braking, end, &interrupt);
+    let anew = |end: &Configuration| fastest_to(context, braking, end);
     let joining = Joining {
         braking,
         anew: is_afresh.then_some(&anew),
-        ..joining
     };
-    Ok(joining.plan(plan, segments, late.map(|late| late.selected)))
+    let later = || braking_later(context, late?, ToBeDone::Nothing);
+    let late = late.map(|late| Late {
+        braking: &later,
+        selected: late.selected,
+    });
+    Ok(joining.plan(plan, segments, late))
 }
 
 /// A plan from rest, and straight segments that were joined before it was made.
@@ -159,15 +155,10 @@ struct SegmentsFirst<'a> {
 
 /// The fastest of as many candidates as are asked for, planned by the default sampler from where a robot rests after braking to one goal
 /// configuration alone.
-fn fastest_to(
-    context: &RequestContext,
-    braking: &Braking,
-    end: &Configuration,
-    interrupt: Interrupt,
-) -> Option<Draw> {
+fn fastest_to(context: &RequestContext, braking: &Braking, end: &Configuration) -> Option<Draw> {
     let (after, shorter) = braking.what_follows(context.problem, context.request);
     let padded = context.constraints.padded;
-    let untold = Supervision::new(interrupt);
+    let untold = Supervision::new(context.supervision.interrupt);
     let after = RequestContext::new(context.resources, padded, &after, &shorter, untold)
         .with_bending_slack(braking.bending_slack_rad());
     let goals = GoalSet::of_one(*end, shorter.candidates);

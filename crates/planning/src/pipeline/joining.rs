@@ -4,7 +4,6 @@ use crate::path::waypoints::straight_path;
 use crate::pipeline::braking::Braking;
 use crate::pipeline::selection::select;
 use crate::plan::{Candidate, Draw, Failure, Plan};
-use crate::request::Interrupt;
 use codes::{Selection, Source, Stage};
 use pcc_model::Configuration;
 use rayon::prelude::*;
@@ -29,8 +28,6 @@ pub(super) struct Joining<'a> {
     pub(super) braking: &'a Braking<'a>,
     /// Plans from where the robot then rests to one configuration alone; its fastest draw. None where the fastest motion is taken as it is.
     pub(super) anew: Option<&'a PlanAnew<'a>>,
-    /// Whether the fastest motion that is joined is to be told, and no faster one looked for.
-    pub(super) is_due: Interrupt<'a>,
 }
 
 /// The fastest draw of a plan to a configuration.
@@ -49,6 +46,14 @@ struct JoinedDraw {
     draw: Draw,
     from_rest: Candidate,
     joined: Candidate,
+}
+
+/// Where the fastest motion is told once it is known, before the others are joined.
+#[derive(Clone, Copy)]
+pub(super) struct Late<'a> {
+    /// The braking that motions are then joined to; none where the one before is still in time.
+    pub(super) braking: &'a (dyn Fn() -> Option<Braking<'a>> + Sync),
+    pub(super) selected: &'a (dyn Fn(Candidate) + Sync),
 }
 
 /// The draw of a motion, and the motion joined to the braking.
@@ -129,12 +134,12 @@ impl Joining<'_> {
         }
     }
 
-    /// The draw with its motion joined with the best of more ways to brake, where the usual ones win little of the braking and it is not due.
+    /// The draw with its motion joined with the best of more ways to brake, where the usual ones win little of the braking.
     fn braked_otherwise(&self, mut it: JoinedDraw) -> JoinedDraw {
         let braking_s = self.braking.motion.duration();
         let joined_s = it.joined.metrics.duration_s;
         let gain_s = braking_s + it.from_rest.metrics.duration_s - joined_s;
-        if gain_s > LITTLE_GAIN * braking_s || (self.is_due)() {
+        if gain_s > LITTLE_GAIN * braking_s {
             return it;
         }
         let otherwise = self
@@ -190,51 +195,61 @@ impl Joining<'_> {
     }
 
     /// A plan from rest with every motion joined to the braking, and the figures of the whole motions; `segments` take the place of the
-    /// paths to their goal configurations. Where these do not tell which motion is the fastest, `selected` is told before the others are
-    /// joined.
+    /// paths to their goal configurations. Where these do not tell which motion is the fastest, that is told as `late` says.
     pub(super) fn plan(
         &self,
         mut plan: Plan,
         segments: JoinedSegments,
-        selected: Option<&(dyn Fn(Candidate) + Sync)>,
+        late: Option<Late<'_>>,
     ) -> Plan {
         let mut stages = plan.stages;
-        stages.measure(Stage::Select, || self.join(&mut plan, segments, selected));
+        stages.measure(Stage::Select, || self.join(&mut plan, segments, late));
         plan.stages = stages;
         plan
     }
 
-    fn join(
-        &self,
-        plan: &mut Plan,
-        segments: JoinedSegments,
-        selected: Option<&(dyn Fn(Candidate) + Sync)>,
-    ) {
+    fn join(&self, plan: &mut Plan, segments: JoinedSegments, late: Option<Late<'_>>) {
         let is_settled = segments.is_settled;
         let mut joined: Vec<Joined> = Vec::with_capacity(plan.draws.len());
+        let mut of_segments = Vec::with_capacity(segments.segments.len());
         for segment in segments.segments {
             let index = segment.joined.draw;
             plan.draws[index] = segment.draw;
             joined.push((index, Ok(segment.joined)));
+            of_segments.push(segment.from_rest);
         }
         let mut from_rest = mem::take(&mut plan.candidates);
         from_rest.retain(|it| joined.iter().all(|(draw, _)| *draw != it.draw));
         from_rest.sort_by(in_order_of_selection);
-        let others = if is_settled {
-            self.join_all(&from_rest, rayon::current_num_threads())
+        if is_settled {
+            joined.extend(self.join_all(&from_rest, rayon::current_num_threads()));
         } else {
             let first = self.join_fastest(&from_rest, &mut joined);
             if let Some(anew) = self.plan_fastest_anew(&mut joined) {
-                plan.draws[anew.joined.draw] = anew.draw;
+                let index = anew.joined.draw;
+                plan.draws[index] = anew.draw;
+                let replaced = from_rest.iter_mut().find(|it| it.draw == index);
+                replaced
+                    .into_iter()
+                    .for_each(|it| *it = anew.from_rest.clone());
             }
             plan.truncated |= self.is_interrupted();
-            let tell = || selected.zip(select_of(&joined)).map(|(tell, it)| tell(it));
-            // The selected motion is published meanwhile, and its way to the loop needs a processor.
-            let workers = rayon::current_num_threads() - 1;
-            let join_others = || self.join_all(&from_rest[first..], workers);
-            rayon::join(tell, join_others).1
-        };
-        joined.extend(others);
+            let later = late.and_then(|late| (late.braking)());
+            joined = match (&later, select_of(&joined)) {
+                (Some(braking), Some(fastest)) => {
+                    from_rest.extend(of_segments);
+                    let place = from_rest.iter().position(|it| it.draw == fastest.draw);
+                    let fastest = place.map(|place| from_rest.remove(place));
+                    let later = Joining {
+                        braking,
+                        anew: None,
+                    };
+                    let again = fastest.iter().map(|fastest| later.outcome(fastest));
+                    later.join_others(again.collect(), &from_rest, late)
+                }
+                _ => self.join_others(joined, &from_rest[first..], late),
+            };
+        }
         joined.sort_by_key(|(draw, _)| *draw);
         for (draw, joined) in &joined {
             let outcome = joined.as_ref().map(Candidate::certified);
@@ -244,14 +259,32 @@ impl Joining<'_> {
         plan.candidates = joined.into_iter().filter_map(|it| it.1.ok()).collect();
     }
 
-    /// Joins motions in their order until no other one is expected to become faster than the fastest joined one, or until that is due; returns
-    /// how many.
+    /// Tells the fastest of what is joined, and joins the other motions to the braking meanwhile; all of them.
+    fn join_others(
+        &self,
+        mut joined: Vec<Joined>,
+        from_rest: &[Candidate],
+        late: Option<Late<'_>>,
+    ) -> Vec<Joined> {
+        let fastest = select_of(&joined);
+        let tell = || {
+            if let Some((late, fastest)) = late.zip(fastest) {
+                (late.selected)(fastest);
+            }
+        };
+        // The selected motion is published meanwhile, and its way to the loop needs a processor.
+        let workers = rayon::current_num_threads() - 1;
+        let others = || self.join_all(from_rest, workers);
+        joined.extend(rayon::join(tell, others).1);
+        joined
+    }
+
+    /// Joins motions in their order until no other one is expected to become faster than the fastest joined one; returns how many.
     fn join_fastest(&self, from_rest: &[Candidate], joined: &mut Vec<Joined>) -> usize {
         let mut count = 0;
         for round in from_rest.chunks(AT_ONCE) {
             let fastest_s = joined.iter().map(duration_s).fold(f64::INFINITY, f64::min);
-            let is_slower = round[0].metrics.duration_s > fastest_s + self.largest_gain_s();
-            if is_slower || fastest_s.is_finite() && (self.is_due)() {
+            if round[0].metrics.duration_s > fastest_s + self.largest_gain_s() {
                 break;
             }
             let motions = round.par_iter().map(|from_rest| self.outcome(from_rest));
@@ -280,9 +313,9 @@ impl Joining<'_> {
 
     /// Plans anew to the goal configuration of the fastest motion alone, from where the robot now rests after braking, and puts the fastest
     /// motion of that plan in its place where it is faster: it is then no later than after a stop. Nothing is planned where that is known, or
-    /// where the straight segment is certified, or when the fastest motion is due. Returns the motion.
+    /// where the straight segment is certified. Returns the motion.
     fn plan_fastest_anew(&self, joined: &mut [Joined]) -> Option<JoinedDraw> {
-        let anew = self.anew.filter(|_| !(self.is_due)())?;
+        let anew = self.anew?;
         let fastest = joined
             .iter_mut()
             .min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))?;
