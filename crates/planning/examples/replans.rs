@@ -133,7 +133,7 @@ impl Chain<'_> {
         };
         let early_selection = EarlySelection {
             begin: &|to_be_done, can_begin| {
-                if to_be_done != ToBeDone::Nothing {
+                if !to_be_done.is_known() {
                     can_begin(&later);
                     is_late.store(true, Ordering::Relaxed);
                 }

@@ -102,12 +102,22 @@ pub struct Supervision<'a> {
 /// What is to be done until the fastest motion of a request is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ToBeDone {
-    /// Nothing, unless the motions begin in another state: the fastest one is then joined again.
-    Nothing,
+    /// Nothing, unless the motions begin in another state: the fastest one, a straight segment, is then joined again.
+    SegmentAgain,
+    /// The same where the fastest motion follows another path.
+    PathAgain,
     /// Paths are joined to the motion that is left.
     Joining,
     /// The same, and it is expected that the fastest motion is planned anew.
     JoiningAndPlanningAnew,
+}
+
+impl ToBeDone {
+    /// Whether the fastest motion is known, unless the motions begin in another state.
+    #[must_use]
+    pub fn is_known(self) -> bool {
+        matches!(self, Self::SegmentAgain | Self::PathAgain)
+    }
 }
 
 /// Whether the motions of a request can begin in a state.

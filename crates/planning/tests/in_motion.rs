@@ -203,7 +203,7 @@ fn segments_are_joined_again_where_the_switch_was_too_near() {
     let told = Mutex::new(Vec::new());
     let early_selection = EarlySelection {
         begin: &|to_be_done, can_begin| {
-            assert_eq!(to_be_done, ToBeDone::Nothing);
+            assert_eq!(to_be_done, ToBeDone::SegmentAgain);
             assert!(can_begin(&knot_at(&then)));
         },
         selected: &|candidate| told.lock().unwrap().push(candidate),
@@ -232,7 +232,7 @@ fn a_plan_with_paths_tells_late_and_one_whose_segments_settle_it_tells_at_once()
         let (asked, told) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let early_selection = EarlySelection {
             begin: &|to_be_done, _| {
-                let is_planned = to_be_done != ToBeDone::Nothing;
+                let is_planned = !to_be_done.is_known();
                 asked.fetch_add(usize::from(is_planned), Ordering::Relaxed);
             },
             selected: &|_| {
@@ -258,7 +258,7 @@ fn a_later_state_that_cannot_brake_leaves_the_plan_where_it_was() {
     let early_selection = EarlySelection {
         begin: &|to_be_done, can_begin| {
             assert!(!can_begin(&rushing));
-            let is_planned = to_be_done != ToBeDone::Nothing;
+            let is_planned = !to_be_done.is_known();
             asked.fetch_add(usize::from(is_planned), Ordering::Relaxed);
         },
         selected: &|_| (),
@@ -394,8 +394,8 @@ fn the_fastest_motion_is_joined_again_where_the_later_switch_was_too_near_as_wel
         let later = [motion.at(0.204), motion.at(0.208)].map(|state| knot_at(&state));
         let early_selection = EarlySelection {
             begin: &|to_be_done, can_begin| match to_be_done {
-                ToBeDone::Nothing if is_too_near => assert!(can_begin(&later[1])),
-                ToBeDone::Nothing => {}
+                ToBeDone::PathAgain if is_too_near => assert!(can_begin(&later[1])),
+                ToBeDone::PathAgain => {}
                 _ => assert!(can_begin(&later[0])),
             },
             selected: &|candidate| told.lock().unwrap().push(candidate),

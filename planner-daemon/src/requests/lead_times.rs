@@ -31,8 +31,10 @@ pub(crate) enum Work {
     WholePlanToKeptGoal,
     /// Straight segments are joined to the motion that is left, of which the fastest motion mostly is one.
     StraightSegments,
-    /// The fastest motion alone is joined again, where the switch has come too near meanwhile.
-    FastestAgain,
+    /// The fastest segment alone is joined again, where the switch has come too near meanwhile.
+    SegmentAgain,
+    /// The fastest path alone is joined again, likewise.
+    PathAgain,
     /// Paths that are planned are joined to the motion that is left, until the fastest is known.
     Joining,
     /// The same, and a plan to the goal configuration of the fastest one.
@@ -42,7 +44,8 @@ pub(crate) enum Work {
 impl From<ToBeDone> for Work {
     fn from(to_be_done: ToBeDone) -> Self {
         match to_be_done {
-            ToBeDone::Nothing => Self::FastestAgain,
+            ToBeDone::SegmentAgain => Self::SegmentAgain,
+            ToBeDone::PathAgain => Self::PathAgain,
             ToBeDone::Joining => Self::Joining,
             ToBeDone::JoiningAndPlanningAnew => Self::JoiningAndPlanningAnew,
         }
@@ -53,8 +56,8 @@ impl Work {
     /// Other work that takes longer, by which it is foreseen as long as it was not done itself.
     fn takes_longer(self) -> Option<Self> {
         match self {
-            Self::FastestAgain => Some(Self::StraightSegments),
-            Self::Joining => Some(Self::JoiningAndPlanningAnew),
+            Self::SegmentAgain => Some(Self::StraightSegments),
+            Self::Joining | Self::PathAgain => Some(Self::JoiningAndPlanningAnew),
             Self::WholePlan
             | Self::WholePlanToKeptGoal
             | Self::StraightSegments
@@ -77,11 +80,11 @@ impl Work {
                 to_the_loop: TO_THE_LOOP,
             },
             Self::Joining | Self::JoiningAndPlanningAnew => Foresight {
-                exceptional: 16,
-                margin: 1.05,
+                exceptional: 32,
+                margin: 1.1,
                 to_the_loop: TO_THE_LOOP,
             },
-            Self::WholePlan | Self::FastestAgain => Foresight {
+            Self::WholePlan | Self::SegmentAgain | Self::PathAgain => Foresight {
                 exceptional: 32,
                 margin: 1.2,
                 to_the_loop: TO_THE_LOOP,
@@ -196,7 +199,8 @@ mod tests {
             Work::WholePlan,
             Work::WholePlanToKeptGoal,
             Work::StraightSegments,
-            Work::FastestAgain,
+            Work::SegmentAgain,
+            Work::PathAgain,
             Work::Joining,
             Work::JoiningAndPlanningAnew,
         ] {
@@ -243,7 +247,7 @@ mod tests {
         times.note(kind(Work::JoiningAndPlanningAnew), Duration::from_millis(5));
         let known = times.lead(kind(Work::JoiningAndPlanningAnew));
         assert_eq!(times.lead(kind(Work::Joining)), known);
-        assert_eq!(times.lead(kind(Work::FastestAgain)), FIRST_LEAD);
+        assert_eq!(times.lead(kind(Work::SegmentAgain)), FIRST_LEAD);
         times.note(kind(Work::Joining), Duration::from_millis(1));
         assert!(times.lead(kind(Work::Joining)) < known);
     }

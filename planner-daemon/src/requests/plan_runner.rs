@@ -172,7 +172,7 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
         let choose = job.late_switch.as_ref();
         let switch = choose.and_then(|choose| choose(to_be_done));
         let switch = switch.filter(|switch| can_begin(&switch.state));
-        if switch.is_some() || to_be_done != ToBeDone::Nothing {
+        if switch.is_some() || !to_be_done.is_known() {
             outgoing.send(PlanOutput::Begins(LateBegin {
                 switch,
                 chosen,

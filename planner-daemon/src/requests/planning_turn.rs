@@ -80,7 +80,8 @@ impl Service {
         let selects_early = selects_early && problem.moving.is_empty();
         let kind = queued.kind(selects_early);
         let late_works = [
-            Work::FastestAgain,
+            Work::SegmentAgain,
+            Work::PathAgain,
             Work::Joining,
             Work::JoiningAndPlanningAnew,
         ];
@@ -214,7 +215,7 @@ impl Service {
         };
         let work = Work::from(begin.to_be_done);
         let kind = in_flight.kind.take();
-        if let (Some(kind), Work::FastestAgain) = (kind, work) {
+        if let (Some(kind), true) = (kind, begin.to_be_done.is_known()) {
             // The work took too long for its switch.
             let took = begin.chosen - in_flight.begin_chosen;
             self.lead_times.note(kind, took);
@@ -378,7 +379,7 @@ impl Service {
 fn late_switch(
     robot: Shared<RobotMotion>,
     first: Switch,
-    leads: [(Work, Duration); 3],
+    leads: [(Work, Duration); 4],
     not_before_mono_ns: Option<i64>,
 ) -> LateSwitch {
     let last = Mutex::new(first);
@@ -389,7 +390,7 @@ fn late_switch(
         let now = mono_now_ns();
         let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
         let in_time = followed.is_ahead(&last, TO_THE_LOOP.mul_f64(0.75), now);
-        if to_be_done == ToBeDone::Nothing && in_time {
+        if to_be_done.is_known() && in_time {
             return None;
         }
         let work = Work::from(to_be_done);

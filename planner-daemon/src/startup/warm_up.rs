@@ -69,7 +69,7 @@ fn plan_in_motion(
     let (begun, late, selected) = (Instant::now(), OnceLock::new(), OnceLock::new());
     let early_selection = EarlySelection {
         begin: &|to_be_done, _| {
-            if to_be_done != ToBeDone::Nothing {
+            if !to_be_done.is_known() {
                 late.get_or_init(|| (Work::from(to_be_done), Instant::now()));
             }
         },

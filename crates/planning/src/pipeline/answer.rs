@@ -137,7 +137,7 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         braking,
         anew: is_afresh.then_some(&anew),
     };
-    let later = || braking_later(context, late?, ToBeDone::Nothing);
+    let later = || braking_later(context, late?, ToBeDone::PathAgain);
     let late = late.map(|late| Late {
         braking: &later,
         selected: late.selected,
@@ -205,7 +205,7 @@ fn segments_first<'a>(
     };
     let early = after.supervision.early_selection;
     let settled = early.filter(|_| segments.selected().is_some());
-    let later = settled.and_then(|early| braking_later(context, early, ToBeDone::Nothing));
+    let later = settled.and_then(|early| braking_later(context, early, ToBeDone::SegmentAgain));
     let braking = later.as_ref().unwrap_or(joining.braking);
     let joining = Joining {
         braking,

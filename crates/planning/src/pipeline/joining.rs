@@ -209,46 +209,21 @@ impl Joining<'_> {
     }
 
     fn join(&self, plan: &mut Plan, segments: JoinedSegments, late: Option<Late<'_>>) {
-        let is_settled = segments.is_settled;
-        let mut joined: Vec<Joined> = Vec::with_capacity(plan.draws.len());
-        let mut of_segments = Vec::with_capacity(segments.segments.len());
+        let mut others = mem::take(&mut plan.candidates);
+        others.sort_by(in_order_of_selection);
+        let (mut joined, mut from_rest) = (Vec::<Joined>::new(), Vec::new());
         for segment in segments.segments {
             let index = segment.joined.draw;
+            others.retain(|it| it.draw != index);
             plan.draws[index] = segment.draw;
             joined.push((index, Ok(segment.joined)));
-            of_segments.push(segment.from_rest);
+            from_rest.push(segment.from_rest);
         }
-        let mut from_rest = mem::take(&mut plan.candidates);
-        from_rest.retain(|it| joined.iter().all(|(draw, _)| *draw != it.draw));
-        from_rest.sort_by(in_order_of_selection);
-        if is_settled {
-            joined.extend(self.join_all(&from_rest, rayon::current_num_threads()));
+        if segments.is_settled {
+            joined.extend(self.join_all(&others, rayon::current_num_threads()));
         } else {
-            let first = self.join_fastest(&from_rest, &mut joined);
-            if let Some(anew) = self.plan_fastest_anew(&mut joined) {
-                let index = anew.joined.draw;
-                plan.draws[index] = anew.draw;
-                let replaced = from_rest.iter_mut().find(|it| it.draw == index);
-                replaced
-                    .into_iter()
-                    .for_each(|it| *it = anew.from_rest.clone());
-            }
-            plan.truncated |= self.is_interrupted();
-            let later = late.and_then(|late| (late.braking)());
-            joined = match (&later, select_of(&joined)) {
-                (Some(braking), Some(fastest)) => {
-                    from_rest.extend(of_segments);
-                    let place = from_rest.iter().position(|it| it.draw == fastest.draw);
-                    let fastest = place.map(|place| from_rest.remove(place));
-                    let later = Joining {
-                        braking,
-                        anew: None,
-                    };
-                    let again = fastest.iter().map(|fastest| later.outcome(fastest));
-                    later.join_others(again.collect(), &from_rest, late)
-                }
-                _ => self.join_others(joined, &from_rest[first..], late),
-            };
+            from_rest.extend(others);
+            joined = self.join_late(plan, joined, from_rest, late);
         }
         joined.sort_by_key(|(draw, _)| *draw);
         for (draw, joined) in &joined {
@@ -257,6 +232,37 @@ impl Joining<'_> {
             plan.truncated |= joined.as_ref().err() == Some(&Failure::Truncated);
         }
         plan.candidates = joined.into_iter().filter_map(|it| it.1.ok()).collect();
+    }
+
+    /// Joins motions, of which the first ones are joined already, until the fastest is known, tells it, and joins the others.
+    fn join_late(
+        &self,
+        plan: &mut Plan,
+        mut joined: Vec<Joined>,
+        mut from_rest: Vec<Candidate>,
+        late: Option<Late<'_>>,
+    ) -> Vec<Joined> {
+        self.join_fastest(&from_rest, &mut joined);
+        if let Some(anew) = self.plan_fastest_anew(&mut joined) {
+            let index = anew.joined.draw;
+            plan.draws[index] = anew.draw;
+            let replaced = from_rest.iter_mut().filter(|it| it.draw == index);
+            replaced.for_each(|it| it.clone_from(&anew.from_rest));
+        }
+        plan.truncated |= self.is_interrupted();
+        let Some(braking) = late.and_then(|late| (late.braking)()) else {
+            let others = from_rest.split_off(joined.len());
+            return self.join_others(joined, &others, late);
+        };
+        let later = Joining {
+            braking: &braking,
+            anew: None,
+        };
+        let fastest = select_of(&joined).map(|fastest| fastest.draw);
+        from_rest.sort_by_key(|it| Some(it.draw) != fastest);
+        let others = from_rest.split_off(from_rest.len().min(1));
+        let first = from_rest.iter().map(|first| later.outcome(first));
+        later.join_others(first.collect(), &others, late)
     }
 
     /// Tells the fastest of what is joined, and joins the other motions to the braking meanwhile; all of them.
@@ -279,19 +285,16 @@ impl Joining<'_> {
         joined
     }
 
-    /// Joins motions in their order until no other one is expected to become faster than the fastest joined one; returns how many.
-    fn join_fastest(&self, from_rest: &[Candidate], joined: &mut Vec<Joined>) -> usize {
-        let mut count = 0;
-        for round in from_rest.chunks(AT_ONCE) {
+    /// Joins motions in their order, of which the first ones are joined already, until no other one is expected to become faster than the fastest.
+    fn join_fastest(&self, from_rest: &[Candidate], joined: &mut Vec<Joined>) {
+        for round in from_rest[joined.len()..].chunks(AT_ONCE) {
             let fastest_s = joined.iter().map(duration_s).fold(f64::INFINITY, f64::min);
             if round[0].metrics.duration_s > fastest_s + self.largest_gain_s() {
                 break;
             }
             let motions = round.par_iter().map(|from_rest| self.outcome(from_rest));
             joined.par_extend(motions);
-            count += round.len();
         }
-        count
     }
 
     /// Joins motions that are not selected, on so many workers, until the request is interrupted.
