@@ -34,6 +34,7 @@ pub mod recording;
 pub mod replans;
 pub mod retries;
 pub mod rounds;
+pub mod servo_bank;
 pub mod shortest_stop;
 pub mod stack;
 pub mod stalled_output;

@@ -8,10 +8,11 @@ use std::sync::Once;
 use std::time::SystemTime;
 
 /// The programs, with the package that each is built from.
-const PROGRAMS: [(&str, &str); 4] = [
+const PROGRAMS: [(&str, &str); 5] = [
     ("planner-daemon", "planner-daemon"),
     ("controller", "controller"),
     ("simulated-robot", "controller"),
+    ("dynamixel-robot", "dynamixel-robot"),
     ("pcc", "pcc-cli"),
 ];
 const SOURCES: [&str; 4] = ["shared-types", "planner-daemon", "controller", "crates"];

@@ -8,6 +8,7 @@ use shared_types::codes::{LoopFault, Outcome};
 use shared_types::valid::{Goal, PlanRequest, PreviousPlan};
 use tests::borders::send_malformed;
 use tests::concurrency::{CLIENTS, ask_at_once, general_requests};
+use tests::process::Process;
 use tests::raw::{RawClient, good_request};
 use tests::stack::{NO_DEADLINE, PATIENCE, Part, Stack, tip_error};
 use tests::world::{Settings, World};
@@ -210,4 +211,57 @@ fn a_robot_that_ramped_to_rest_a_little_beyond_its_bending_limit_gets_away_from_
 fn wait_for_daemon(world: &World) {
     let mut client = Client::connect(&world.options).unwrap();
     client.wait_for_daemon(Duration::from_secs(60)).unwrap();
+}
+
+#[test]
+fn the_tool_prints_a_plan_as_json_to_the_bit() {
+    let mut stack = Stack::new(&Settings::default());
+    stack.start(Part::Daemon);
+    stack.client.wait_for_daemon(PATIENCE).unwrap();
+    let words = "plan --start 0 0 0 0 0 0 --tip 0 -1.55 2.25 --candidates 3 --json";
+    let arguments: Vec<&str> = words.split(' ').collect();
+    let mut tool = Process::start(&stack.world, "pcc", &arguments);
+    let status = tool.wait(PATIENCE).unwrap();
+    assert!(status.success(), "{}", tool.log());
+    let printed: serde_json::Value = serde_json::from_str(&tool.log()).unwrap();
+    let request = PlanRequest {
+        candidate_count: 3,
+        ..PlanRequest::new([0.0; 6], Goal::tip(GOAL))
+    };
+    let answer = stack.client.plan(&request, PATIENCE).unwrap();
+    let hash = format!("{:016x}", answer.report().plan_hash);
+    assert_eq!(printed["plan_hash"], hash);
+    assert_eq!(printed["selected"], answer.report().selected.unwrap());
+    assert_eq!(
+        printed["candidates"][0]["clearance_m"],
+        serde_json::Value::Null
+    );
+    for (candidate, printed) in answer
+        .candidates()
+        .zip(printed["candidates"].as_array().unwrap())
+    {
+        let knots = printed["knots"].as_array().unwrap();
+        assert_eq!(knots.len(), candidate.knots.len());
+        for (knot, printed) in candidate.knots.iter().zip(knots) {
+            let time_s = printed["time_s"].as_f64().unwrap();
+            assert_eq!(time_s.to_bits(), knot.time_s.to_bits());
+            let accelerations = printed["acceleration_rad_s2"].as_array().unwrap();
+            for (exact, printed) in knot.acceleration_rad_s2.iter().zip(accelerations) {
+                assert_eq!(printed.as_f64().unwrap().to_bits(), exact.to_bits());
+            }
+        }
+    }
+    let mut refused = Process::start(
+        &stack.world,
+        "pcc",
+        &[
+            "plan", "--start", "0", "0", "0", "0", "0", "0", "--tip", "9", "0", "0", "--json",
+        ],
+    );
+    assert!(!refused.wait(PATIENCE).unwrap().success());
+    assert!(
+        refused.log().contains("\"outcome\": \"goal out of reach\""),
+        "{}",
+        refused.log()
+    );
 }

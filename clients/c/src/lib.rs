@@ -8,6 +8,7 @@
 #![allow(unsafe_code)] // Pointers come from C.
 
 mod controller;
+mod driver;
 mod error;
 mod goal;
 mod plan;
@@ -19,6 +20,9 @@ mod text;
 pub use controller::{
     ControllerView, RobotView, pcc_controller_command, pcc_controller_connect, pcc_controller_free,
     pcc_controller_state, pcc_robot_connect, pcc_robot_free, pcc_robot_state,
+};
+pub use driver::{
+    Driver, MotorTargets, pcc_driver_connect, pcc_driver_free, pcc_driver_next, pcc_driver_report,
 };
 pub use error::{ErrorKind, pcc_last_error, pcc_last_error_kind};
 pub use goal::{

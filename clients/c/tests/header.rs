@@ -18,6 +18,7 @@ fn the_header_is_what_the_functions_say() {
         "controller",
         "scene",
         "goal",
+        "driver",
         "text",
     ];
     let builder = files.iter().fold(Builder::new(), |builder, file| {

@@ -5,6 +5,7 @@
 mod answer;
 mod client;
 mod controller;
+mod driver;
 mod error;
 mod goal;
 mod request;
@@ -21,6 +22,8 @@ fn pcc(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<answer::Candidate>()?;
     module.add_class::<client::Client>()?;
     module.add_class::<controller::Controller>()?;
+    module.add_class::<driver::Driver>()?;
+    module.add_class::<driver::Targets>()?;
     module.add_class::<goal::Goal>()?;
     module.add_class::<results::Results>()?;
     module.add_class::<scene::Scene>()?;

@@ -12,6 +12,7 @@ mod features;
 mod follow;
 mod foreign_orders;
 mod goal;
+mod home;
 mod latency;
 mod number;
 mod option_faults;
@@ -61,6 +62,8 @@ enum Command {
     Resume,
     /// Set the speed at which motions are followed; a controller that is restarted begins at 1.
     Speed(order::SpeedArguments),
+    /// Wind the tendons of a straight robot with Dynamixel servos to their pre-tension, and note where the servos are.
+    Home(home::Arguments),
     /// List the services that are there, who uses them, and who is daemon, controller and robot.
     Services(services::Arguments),
     /// Measure how long plans take, in a closed loop or at a fixed rate of requests, and the controller's loop beside them.
@@ -104,6 +107,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Pause => order::give(Order::Pause),
         Command::Resume => order::give(Order::Resume),
         Command::Speed(arguments) => order::give(Order::SetSpeed(arguments.rate)),
+        Command::Home(arguments) => home::run(&arguments),
         Command::Services(arguments) => services::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),

@@ -1,5 +1,6 @@
 //! `pcc plan`: asks the daemon for candidates, shows them, and can have one executed.
 
+mod json;
 mod table;
 
 pub(crate) use self::table::print_answer;
@@ -83,6 +84,10 @@ pub(crate) struct Arguments {
     /// Wait until the motion has ended, and tell how; fails where it is not reached. Only with --execute.
     #[arg(long, requires = "execute")]
     wait: bool,
+    /// Print one JSON object, with the knots of all candidates and the hash of the plan, in place of the table; whether the controller takes a
+    /// motion that was published is not waited for.
+    #[arg(long, conflicts_with = "wait")]
+    json: bool,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
@@ -90,18 +95,22 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let options = IpcOptions::from_env();
     let request = arguments.request(begun_ns)?;
     let mut client = Client::connect(&options)?;
-    let follower = arguments
-        .execute
-        .then(|| Follower::connect(&options, arguments.wait));
+    let follower =
+        (arguments.execute && !arguments.json).then(|| Follower::connect(&options, arguments.wait));
     let mut follower = follower.transpose()?;
     let clock = Instant::now();
     let answer = plan(&mut client, &request)?;
     let round_trip = clock.elapsed();
     let report = answer.report();
+    if arguments.json {
+        json::print_json(&answer, round_trip);
+    }
     if !report.outcome.has_candidates() || report.candidates.is_empty() {
         bail!("{}", arguments.explain(report));
     }
-    print_answer(&answer, round_trip);
+    if !arguments.json {
+        print_answer(&answer, round_trip);
+    }
     if report.outcome == Outcome::ExecutionRefused {
         bail!("not executed: {}", report.reason);
     }

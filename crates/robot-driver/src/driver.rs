@@ -12,7 +12,7 @@ use shared_types::{
 use tracing::{debug, info, warn};
 
 use crate::{
-    Mode, MotorTargets, Reference, ReferenceLimits, TendonState, TendonVector,
+    Mode, MotorTargets, Reference, ReferenceLimits, TENDONS, TendonState, TendonVector,
     shared_memory::claim_shared_memory,
 };
 
@@ -78,11 +78,20 @@ impl RobotConnection {
         Ok(connection)
     }
 
-    /// Begins to drive motors that are in this state: where it moves, they first ramp to rest.
+    /// Begins to drive motors that are in this state: where it moves, they first ramp to rest. They begin at the lengths of the configuration
+    /// that fits theirs best, for the controller begins only at a configuration.
     #[must_use]
     pub fn drive_from(self, state: &TendonState) -> RobotDriver {
         let now_ns = mono_now_ns();
-        let reference = Reference::new(self.settings.limits, now_ns, state);
+        let count = self.tendons.count();
+        let shape = self.tendons.configuration(&state.position_m[..count]);
+        let mut position_m = [0.0; TENDONS];
+        self.tendons.lengths(&shape, &mut position_m[..count]);
+        let state = TendonState {
+            position_m,
+            ..*state
+        };
+        let reference = Reference::new(self.settings.limits, now_ns, &state);
         RobotDriver {
             mode: reference.mode(),
             reference,

@@ -21,17 +21,18 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     report.group("demonstration", command, |report| {
         let folder = tempfile::tempdir()?;
         let recorded = folder.path().join("recording");
-        let printed = on_a_clean_clone(report, scale, folder.path(), &recorded)?;
+        let printed = on_a_clean_clone(report, scale, folder.path(), &recorded, &[])?;
         judge(report, &recorded, &printed)
     });
 }
 
-/// What it prints. The quick form shares the build folder; the full one builds from nothing.
-fn on_a_clean_clone(
+/// What it prints, with these arguments before `--record`. The quick form shares the build folder; the full one builds from nothing.
+pub(crate) fn on_a_clean_clone(
     report: &mut Report,
     scale: Scale,
     folder: &Path,
     recorded: &Path,
+    arguments: &[&str],
 ) -> anyhow::Result<String> {
     let kept = repository().join("target/acceptance/clone");
     let clone = if scale.full {
@@ -48,7 +49,10 @@ fn on_a_clean_clone(
         .status()?;
     ensure!(status.success(), "git clone: {status}");
     let mut demo = Command::new(clone.join("scripts/demo"));
-    demo.current_dir(&clone).arg("--record").arg(recorded);
+    demo.current_dir(&clone)
+        .args(arguments)
+        .arg("--record")
+        .arg(recorded);
     demo.env_remove("CARGO_TARGET_DIR")
         .env_remove("RUST_BACKTRACE")
         .env("NO_COLOR", "1");
@@ -83,7 +87,8 @@ fn on_a_clean_clone(
     Ok(String::from_utf8(output.stdout)?)
 }
 
-fn judge(report: &mut Report, folder: &Path, printed: &str) -> anyhow::Result<()> {
+/// Judges a recording and what was printed beside it.
+pub(crate) fn judge(report: &mut Report, folder: &Path, printed: &str) -> anyhow::Result<()> {
     let recording = Recording::read(folder)?;
     results(report, &recording, printed);
     let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;

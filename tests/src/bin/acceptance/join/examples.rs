@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use anyhow::{Context, ensure};
 use client::ScenePublisher;
+use shared_types::codes::LoopState;
 use shared_types::valid::{Goal, PlanRequest};
-use tests::process::Process;
-use tests::stack::{PATIENCE, Stack};
+use tests::process::{Process, TimedOut, wait_for};
+use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 
 use crate::report::Report;
@@ -62,6 +63,9 @@ impl Examples {
         });
         report.group(&group("publish a scene"), self.command, |report| {
             self.publish_scene(report)
+        });
+        report.group(&group("drive motors"), self.command, |report| {
+            self.drive(report)
         });
         report.group(&group("lines of each example"), self.command, |report| {
             self.lines(report)
@@ -169,6 +173,26 @@ impl Examples {
         Ok(())
     }
 
+    /// A driver in the simulated robot's place.
+    fn drive(&self, report: &mut Report) -> anyhow::Result<()> {
+        let mut stack = Stack::new(&Settings::default());
+        stack.start(Part::Daemon);
+        stack.start(Part::Controller);
+        stack.client.wait_for_daemon(PATIENCE)?;
+        (self.program)("plan")?;
+        let robot_file = stack.world.config("robots/unit.toml");
+        let mut driver = self.start(&stack.world, "drive", &[&robot_file.display().to_string()])?;
+        wait_until_held(&mut stack).with_context(|| driver.log())?;
+        let planned = self.plan(&stack.world)?;
+        self.is_reached(report, "a motion by a driver", &planned);
+        let state = stack.controller_state();
+        let measured_rad = &state.values.measured_configuration_rad;
+        let error = tests::stack::tip_error(&stack.world.robot, measured_rad, &TIP_M);
+        report.at_most(&self.line("tip error as measured, m"), error, 0.03);
+        driver.kill9();
+        Ok(())
+    }
+
     fn lines(&self, report: &mut Report) -> anyhow::Result<()> {
         for entry in std::fs::read_dir(&self.folder)? {
             let path = entry?.path();
@@ -197,4 +221,11 @@ impl Examples {
         };
         Ok(text.lines().filter(is_own).count())
     }
+}
+
+pub(super) fn wait_until_held(stack: &mut Stack) -> Result<(), TimedOut> {
+    wait_for("a controller that holds", PATIENCE, || {
+        let state = stack.controller.latest_state().ok().flatten()?;
+        (state.state == LoopState::Holding).then_some(())
+    })
 }

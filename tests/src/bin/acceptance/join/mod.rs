@@ -3,6 +3,7 @@
 mod examples;
 mod languages;
 mod plain_python;
+mod servos;
 
 use crate::report::Report;
 use crate::scale::Scale;
@@ -14,4 +15,5 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     |report, _| languages::cpp().run(report),
     |report, _| languages::python().run(report),
     |report, _| plain_python::run(report),
+    servos::run,
 ];

@@ -1,14 +1,12 @@
 //! Every service joined, and each part played, from Python with iceoryx2's own bindings and what `wire.json` says.
 
 use anyhow::Context;
-use shared_types::codes::LoopState;
 use shared_types::ipc::{EVENTS, TOPICS};
-use tests::process::{TimedOut, wait_for};
 use tests::programs::repository;
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
-use super::examples::{Examples, Program, TIP_M};
+use super::examples::{Examples, Program, TIP_M, wait_until_held};
 use crate::paper_python::python_with;
 use crate::report::Report;
 
@@ -22,9 +20,6 @@ pub(super) fn run(report: &mut Report) {
     examples.run(report);
     report.group(&group("verdicts on scenes"), command, |report| {
         verdicts(&examples, report)
-    });
-    report.group(&group("drive motors"), command, |report| {
-        drive(&examples, report)
     });
     report.group(&group("follow trajectories"), command, |report| {
         follow(&examples, report)
@@ -50,13 +45,6 @@ fn examples() -> Examples {
             Ok(Program::script(python, &script))
         },
     }
-}
-
-fn wait_until_held(stack: &mut Stack) -> Result<(), TimedOut> {
-    wait_for("a controller that holds", PATIENCE, || {
-        let state = stack.controller.latest_state().ok().flatten()?;
-        (state.state == LoopState::Holding).then_some(())
-    })
 }
 
 fn every_service(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
@@ -116,27 +104,6 @@ fn verdicts(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
         "> 20",
         count > 20,
     );
-    Ok(())
-}
-
-/// A driver in Python in the simulated robot's place.
-fn drive(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
-    let mut stack = Stack::new(&Settings::default());
-    stack.start(Part::Daemon);
-    stack.start(Part::Controller);
-    stack.client.wait_for_daemon(PATIENCE)?;
-    let mut driver = examples.start(&stack.world, "drive", &[])?;
-    wait_until_held(&mut stack).with_context(|| driver.log())?;
-    let planned = examples.plan(&stack.world)?;
-    examples.is_reached(report, "a motion by a driver", &planned);
-    let state = stack.controller_state();
-    let error = tests::stack::tip_error(
-        &stack.world.robot,
-        &state.values.measured_configuration_rad,
-        &TIP_M,
-    );
-    report.at_most("plain Python: tip error as measured, m", error, 0.03);
-    driver.kill9();
     Ok(())
 }
 

@@ -1,0 +1,110 @@
+//! Driving a robot's motors.
+
+use std::ffi::c_char;
+use std::path::Path;
+
+use client::ClientError;
+use pcc_model::Robot;
+use robot_driver::{DriverSettings, RobotConnection, RobotDriver, TENDONS, TendonState};
+use shared_types::codes::{MotorFault, UnknownCode};
+
+use crate::error::{Failure, Outcome, or_fail};
+use crate::pointer::{array, free, give, options, text, write};
+
+/// The driver of a robot's motors; it has the robot's place.
+pub struct Driver(RobotDriver);
+
+/// What motors are to do in a cycle: lengths of the tendons relative to the straight robot, those beyond the robot's tendons 0.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct MotorTargets {
+    /// Time for which this is, nanoseconds of CLOCK_MONOTONIC.
+    pub stamp_ns: i64,
+    /// Metres.
+    pub position_m: [f64; 9],
+    /// Metres a second.
+    pub velocity_m_s: [f64; 9],
+    /// Metres a second squared.
+    pub acceleration_m_s2: [f64; 9],
+}
+
+const _: () = assert!(TENDONS == 9, "as the header says");
+
+/// Takes the robot's place for the robot of a robot file, whose motors stand at `position_m` (9 lengths of the tendons relative to the straight
+/// robot, metres; null: all 0). A cycle is 1 ms. Null where it fails, also where another driver is there.
+#[unsafe(no_mangle)]
+pub extern "C" fn pcc_driver_connect(
+    prefix: *const c_char,
+    root: *const c_char,
+    robot_file: *const c_char,
+    position_m: *const f64,
+) -> *mut Driver {
+    let connect = || {
+        let file = Path::new(text(robot_file, "robot_file")?);
+        let robot = Robot::from_file(file).map_err(|it| Failure::argument(it.to_string()))?;
+        let state = match position_m.is_null() {
+            true => TendonState::default(),
+            false => at_rest(tendons(position_m, "position_m")?),
+        };
+        let settings = DriverSettings::of(&robot);
+        let connection = RobotConnection::open(&options(prefix, root)?, &robot, &settings);
+        let connection = connection.map_err(ClientError::from)?;
+        Ok(give(Driver(connection.drive_from(&state))))
+    };
+    or_fail(connect(), std::ptr::null_mut())
+}
+
+/// Leaves the robot's place; nothing where the pointer is null.
+#[unsafe(no_mangle)]
+pub extern "C" fn pcc_driver_free(driver: *mut Driver) {
+    free(driver);
+}
+
+/// Waits for the next cycle and says what the motors are to do: 0, or -1 where it fails.
+#[unsafe(no_mangle)]
+pub extern "C" fn pcc_driver_next(driver: *mut Driver, targets: *mut MotorTargets) -> i32 {
+    let next = || {
+        let Driver(driver) = write(driver, "driver")?;
+        let targets = write(targets, "targets")?;
+        let next = driver.next_targets();
+        *targets = MotorTargets {
+            stamp_ns: next.stamp_ns,
+            position_m: next.position_m,
+            velocity_m_s: next.velocity_m_s,
+            acceleration_m_s2: next.acceleration_m_s2,
+        };
+        Ok(0)
+    };
+    or_fail(next(), -1)
+}
+
+/// Publishes what the motors did in this cycle: 9 measured lengths of the tendons relative to the straight robot, metres, and a
+/// `PccMotorFault`. 0, or -1 where it fails.
+#[unsafe(no_mangle)]
+pub extern "C" fn pcc_driver_report(
+    driver: *mut Driver,
+    measured_m: *const f64,
+    fault: u32,
+) -> i32 {
+    let report = || {
+        let Driver(driver) = write(driver, "driver")?;
+        let refused = |unknown: UnknownCode| Failure::argument(unknown.to_string());
+        let fault = MotorFault::try_from(fault).map_err(refused)?;
+        driver.report(&tendons(measured_m, "measured_m")?, fault);
+        Ok(0)
+    };
+    or_fail(report(), -1)
+}
+
+fn tendons(pointer: *const f64, name: &str) -> Outcome<[f64; TENDONS]> {
+    let lengths = array(pointer, TENDONS, name)?;
+    let refused = |_| Failure::argument(format!("{name} has not {TENDONS} lengths"));
+    lengths.try_into().map_err(refused)
+}
+
+fn at_rest(position_m: [f64; TENDONS]) -> TendonState {
+    TendonState {
+        position_m,
+        ..TendonState::default()
+    }
+}

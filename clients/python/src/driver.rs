@@ -1,0 +1,88 @@
+//! Driving a robot's motors.
+
+use ::client::ClientError;
+use pcc_model::Robot;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use robot_driver::{
+    DriverSettings, MotorTargets, RobotConnection, RobotDriver, TENDONS, TendonState, TendonVector,
+};
+use shared_types::codes::MotorFault;
+use std::path::PathBuf;
+
+use crate::error::raised;
+use crate::request::options;
+
+/// Drives the motors of a robot, in cycles of 1 ms; it has the robot's place. As an iterator it gives what the motors are to do in each cycle.
+#[pyclass(unsendable, module = "pcc")]
+pub(crate) struct Driver(RobotDriver);
+
+#[pymethods]
+impl Driver {
+    #[new]
+    #[pyo3(signature = (robot_file, position_m=[0.0; TENDONS], prefix=None, root=None))]
+    fn new(
+        robot_file: PathBuf,
+        position_m: TendonVector,
+        prefix: Option<String>,
+        root: Option<String>,
+    ) -> PyResult<Self> {
+        let robot = Robot::from_file(&robot_file);
+        let robot = robot.map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let settings = DriverSettings::of(&robot);
+        let connection = RobotConnection::open(&options(prefix, root), &robot, &settings);
+        let state = TendonState {
+            position_m,
+            ..TendonState::default()
+        };
+        let connection = connection.map_err(|error| raised(ClientError::from(error)))?;
+        Ok(Self(connection.drive_from(&state)))
+    }
+
+    fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    fn __next__(&mut self, py: Python<'_>) -> PyResult<Targets> {
+        py.check_signals()?;
+        Ok(Targets(self.0.next_targets()))
+    }
+
+    /// Publishes what the motors did in this cycle: the measured lengths of the tendons, and whether the motors are in fault.
+    #[pyo3(signature = (measured_m, *, fault=false))]
+    fn report(&mut self, measured_m: TendonVector, fault: bool) {
+        let fault = if fault {
+            MotorFault::Motor
+        } else {
+            MotorFault::None
+        };
+        self.0.report(&measured_m, fault);
+    }
+}
+
+/// What motors are to do in a cycle.
+#[pyclass(frozen, module = "pcc")]
+pub(crate) struct Targets(MotorTargets);
+
+#[pymethods]
+impl Targets {
+    #[getter]
+    fn stamp_ns(&self) -> i64 {
+        self.0.stamp_ns
+    }
+
+    #[getter]
+    fn position_m(&self) -> TendonVector {
+        self.0.position_m
+    }
+
+    #[getter]
+    fn velocity_m_s(&self) -> TendonVector {
+        self.0.velocity_m_s
+    }
+
+    #[getter]
+    fn acceleration_m_s2(&self) -> TendonVector {
+        self.0.acceleration_m_s2
+    }
+}

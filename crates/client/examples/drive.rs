@@ -1,0 +1,21 @@
+//! A robot whose motors are at once where they are to be: `drive ROBOT_FILE`.
+
+use std::error::Error;
+use std::path::PathBuf;
+
+use pcc_model::Robot;
+use robot_driver::{DriverSettings, RobotConnection, TendonState};
+use shared_types::codes::MotorFault;
+use shared_types::ipc::IpcOptions;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let file = std::env::args().nth(1).ok_or("drive ROBOT_FILE")?;
+    let robot = Robot::from_file(&PathBuf::from(file))?;
+    let settings = DriverSettings::of(&robot);
+    let connection = RobotConnection::open(&IpcOptions::from_env(), &robot, &settings)?;
+    let mut driver = connection.drive_from(&TendonState::default());
+    loop {
+        let targets = driver.next_targets();
+        driver.report(&targets.position_m, MotorFault::None);
+    }
+}

@@ -1,0 +1,270 @@
+//! All servos of a robot on their serial line.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use dynamixel2::instructions::SyncWriteData;
+use dynamixel2::{Bus, ReadError, StatusPacket, TransferError, WriteError};
+
+use crate::registers::{GOAL_POSITION, HARDWARE_ERROR_STATUS, PRESENT_STATE, STATE_BYTES};
+
+/// The address of all servos at once.
+const BROADCAST: u8 = 0xFE;
+/// The instruction that has many servos read from.
+const SYNC_READ: u8 = 0x82;
+/// Bytes of a status packet beside what was read.
+const STATUS_OVERHEAD: u32 = 11;
+/// Time that adapter and system add to a read outside the loop.
+const SLACK_OF_A_READ: Duration = Duration::from_millis(10);
+/// Bits on the line for each byte.
+const BITS_OF_A_BYTE: u32 = 10;
+
+/// Why the servos cannot be talked to.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// The serial line does not open.
+    #[error("the serial line {device:?} does not open at {baud} baud: {source}")]
+    Open {
+        /// The line's device.
+        device: PathBuf,
+        /// Its speed, bit/s.
+        baud: u32,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A servo did not answer, or not as it should.
+    #[error(
+        "servo {id} does not answer ({what}): {source}; is it powered, wired, and set to this id and speed?"
+    )]
+    Servo {
+        /// The servo's id.
+        id: u8,
+        /// What was asked of it.
+        what: &'static str,
+        /// What came of it.
+        source: TransferError,
+    },
+    /// A servo that was there does not answer any more.
+    #[error("servo {id} has fallen silent")]
+    Silent {
+        /// The servo's id.
+        id: u8,
+    },
+    /// Nothing can be sent.
+    #[error("the serial line takes nothing: {0}")]
+    Send(#[from] WriteError),
+}
+
+/// What a servo says of itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ServoState {
+    /// Present position, pulses.
+    pub(crate) position: i32,
+    /// Present velocity, in units of 0.229 turns a minute.
+    pub(crate) velocity: i32,
+    /// Present current, in units of 2.69 mA.
+    pub(crate) current: i16,
+    /// Whether the servo is in error, as its hardware error status says.
+    pub(crate) is_in_error: bool,
+}
+
+/// The servos of a robot, in the order of its tendons.
+pub(crate) struct ServoBus {
+    bus: Bus<Vec<u8>, Vec<u8>>,
+    ids: Vec<u8>,
+}
+
+impl ServoBus {
+    /// Opens the line; nothing is sent yet.
+    pub(crate) fn open(device: &Path, baud: u32, ids: &[u8]) -> Result<Self, BusError> {
+        let bus = Bus::open(device, baud).map_err(|source| BusError::Open {
+            device: device.to_owned(),
+            baud,
+            source,
+        })?;
+        Ok(Self {
+            bus,
+            ids: ids.to_vec(),
+        })
+    }
+
+    pub(crate) fn count(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// The id of the servo of a tendon, counted from 0.
+    pub(crate) fn id(&self, tendon: usize) -> u8 {
+        self.ids[tendon]
+    }
+
+    /// Looks for every servo.
+    pub(crate) fn find_all(&mut self) -> Result<(), BusError> {
+        self.each("ping", |bus, id| bus.ping(id).map(|_| ()))
+    }
+
+    /// Writes a byte to every servo and has each confirm it.
+    pub(crate) fn set_u8(&mut self, register: u16, value: u8) -> Result<(), BusError> {
+        self.each("a byte written", |bus, id| {
+            bus.write_u8(id, register, value).map(|_| ())
+        })
+    }
+
+    /// Writes a byte to all servos at once; none confirms it.
+    pub(crate) fn set_all_u8(&mut self, register: u16, value: u8) -> Result<(), BusError> {
+        let all = self.ids.iter().map(|id| SyncWriteData {
+            motor_id: *id,
+            data: value,
+        });
+        Ok(self.bus.sync_write_u8(register, all)?)
+    }
+
+    /// Writes two bytes to every servo and has each confirm them.
+    pub(crate) fn set_u16(&mut self, register: u16, value: u16) -> Result<(), BusError> {
+        self.each("two bytes written", |bus, id| {
+            bus.write_u16(id, register, value).map(|_| ())
+        })
+    }
+
+    /// Writes four bytes to every servo and has each confirm them.
+    pub(crate) fn set_u32(&mut self, register: u16, value: u32) -> Result<(), BusError> {
+        self.each("four bytes written", |bus, id| {
+            bus.write_u32(id, register, value).map(|_| ())
+        })
+    }
+
+    /// Four bytes of each servo.
+    pub(crate) fn read_u32(&mut self, register: u16) -> Result<Vec<u32>, BusError> {
+        let mut read = Vec::with_capacity(self.count());
+        self.each("four bytes read", |bus, id| {
+            read.push(bus.read_u32(id, register)?.data);
+            Ok(())
+        })?;
+        Ok(read)
+    }
+
+    /// Why a servo is in error, by its hardware error status.
+    pub(crate) fn hardware_error(&mut self, tendon: usize) -> Result<u8, BusError> {
+        let id = self.ids[tendon];
+        let status = self.bus.read_u8(id, HARDWARE_ERROR_STATUS);
+        let status = status.map(|status| status.data);
+        status.map_err(|source| BusError::Servo {
+            id,
+            what: "its hardware error status",
+            source,
+        })
+    }
+
+    /// Has every servo go to a position, pulses, in one packet that no servo answers.
+    pub(crate) fn send_goals(&mut self, positions: &[i32]) -> Result<(), BusError> {
+        let goals = self.ids.iter().zip(positions);
+        let goals = goals.map(|(id, position)| SyncWriteData {
+            motor_id: *id,
+            data: position.to_le_bytes(),
+        });
+        Ok(self.bus.sync_write(GOAL_POSITION, 4, goals)?)
+    }
+
+    /// Asks these tendons' servos for their states; [`Self::receive_states`] takes the answers.
+    pub(crate) fn ask_for_states(&mut self, tendons: &[usize]) -> Result<(), BusError> {
+        let ids = &self.ids;
+        let encode = |packet: &mut [u8]| {
+            packet[..2].copy_from_slice(&PRESENT_STATE.to_le_bytes());
+            packet[2..4].copy_from_slice(&STATE_BYTES.to_le_bytes());
+            for (place, tendon) in packet[4..].iter_mut().zip(tendons) {
+                *place = ids[*tendon];
+            }
+        };
+        let parameters = 4 + tendons.len();
+        Ok(self
+            .bus
+            .write_instruction(BROADCAST, SYNC_READ, parameters, encode)?)
+    }
+
+    /// The answers of so many servos until a deadline, each told with its tendon. A servo that is silent, or whose answer is damaged, is
+    /// left out.
+    pub(crate) fn receive_states(
+        &mut self,
+        count: usize,
+        deadline: Instant,
+        mut told: impl FnMut(usize, ServoState),
+    ) {
+        for _ in 0..count {
+            match self.bus.read_status_response_deadline(deadline) {
+                Ok(packet) => {
+                    let id = packet.packet_id();
+                    let tendon = self.ids.iter().position(|known| *known == id);
+                    if let Some((tendon, state)) = tendon.zip(state_of(&packet)) {
+                        told(tendon, state);
+                    }
+                }
+                // Nothing more has come by the deadline, or the line is gone.
+                Err(ReadError::Io(_)) => return,
+                Err(_) => {}
+            }
+        }
+    }
+
+    /// The states of all servos, each asked until it answers.
+    ///
+    /// # Errors
+    /// [`BusError::Silent`] where one does not by the deadline.
+    pub(crate) fn all_states(&mut self, deadline: Instant) -> Result<Vec<ServoState>, BusError> {
+        let mut states = vec![None; self.count()];
+        loop {
+            let is_missing = |tendon: &usize| states[*tendon].is_none();
+            let missing: Vec<usize> = (0..states.len()).filter(is_missing).collect();
+            let Some(first) = missing.first() else {
+                return Ok(states.into_iter().flatten().collect());
+            };
+            if Instant::now() >= deadline {
+                return Err(BusError::Silent {
+                    id: self.id(*first),
+                });
+            }
+            self.ask_for_states(&missing)?;
+            let usual = SLACK_OF_A_READ + 2 * self.time_to_read(missing.len());
+            let until = deadline.min(Instant::now() + usual);
+            self.receive_states(missing.len(), until, |tendon, state| {
+                states[tendon] = Some(state);
+            });
+        }
+    }
+
+    /// Time that the line is busy while all goals are written.
+    pub(crate) fn time_to_write(&self) -> Duration {
+        self.time_of(14 + 5 * self.count() as u32)
+    }
+
+    /// Time that the line is busy while the states of so many servos are read.
+    pub(crate) fn time_to_read(&self, servos: usize) -> Duration {
+        let servos = servos as u32;
+        self.time_of(14 + servos + servos * (STATUS_OVERHEAD + u32::from(STATE_BYTES)))
+    }
+
+    fn time_of(&self, bytes: u32) -> Duration {
+        Duration::from_secs(1) * (bytes * BITS_OF_A_BYTE) / self.bus.baud_rate()
+    }
+
+    fn each(
+        &mut self,
+        what: &'static str,
+        mut ask: impl FnMut(&mut Bus<Vec<u8>, Vec<u8>>, u8) -> Result<(), TransferError>,
+    ) -> Result<(), BusError> {
+        for &id in &self.ids {
+            ask(&mut self.bus, id).map_err(|source| BusError::Servo { id, what, source })?;
+        }
+        Ok(())
+    }
+}
+
+fn state_of(packet: &StatusPacket) -> Option<ServoState> {
+    let (current, rest) = packet.parameters().split_first_chunk()?;
+    let (velocity, rest) = rest.split_first_chunk()?;
+    let (position, _) = rest.split_first_chunk()?;
+    Some(ServoState {
+        current: i16::from_le_bytes(*current),
+        velocity: i32::from_le_bytes(*velocity),
+        position: i32::from_le_bytes(*position),
+        is_in_error: packet.alert(),
+    })
+}

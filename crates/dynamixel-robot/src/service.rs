@@ -1,0 +1,268 @@
+//! The driver's process: one loop that writes goals and reads states.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use input_files::SettingsError;
+use robot_driver::{
+    DriverSettings, ReferenceLimits, RobotConnection, RobotDriver, TENDONS, TendonState,
+    TendonVector,
+};
+use shared_types::codes::MotorFault;
+use shared_types::ipc::{IpcError, IpcOptions};
+use tracing::{info, warn};
+
+use crate::bus::{BusError, ServoBus, ServoState};
+use crate::config::DynamixelConfig;
+use crate::health::Health;
+use crate::home::Home;
+use crate::registers::{BUS_WATCHDOG, GOAL_CURRENT, PROFILE_VELOCITY, SCRATCH, TORQUE_ENABLE};
+use crate::spools::Spools;
+
+/// Share of a cycle that writing and reading may take.
+const SHARE_OF_A_CYCLE: f64 = 0.8;
+/// Rounds by which the line is measured, of which one may take longer.
+const ROUNDS: usize = 20;
+/// Time that the servos have for their first answers.
+const FIRST_ANSWERS: Duration = Duration::from_millis(500);
+
+/// Why the robot is not driven.
+#[derive(Debug, thiserror::Error)]
+pub enum DriverError {
+    /// The robot's place cannot be taken, or its services are not available.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// The servos do not answer.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// There is no home that counts.
+    #[error("{0}; `pcc home` finds it")]
+    Home(#[from] SettingsError),
+    /// A servo was without power since homing, so that it no longer knows its turns.
+    #[error("servo {id} was without power since the robot was homed: `pcc home`")]
+    Homeless {
+        /// The servo's id.
+        id: u8,
+    },
+    /// The line does not carry what a cycle needs.
+    #[error(
+        "the serial line is too slow: goals and one servo's state take {took:?}, of a cycle of {period:?} at most {share} are allowed; lower rate_hz, \
+         raise baud, and see the adapter's latency timer",
+        share = SHARE_OF_A_CYCLE
+    )]
+    TooSlow {
+        /// Time that a round takes.
+        took: Duration,
+        /// Length of a cycle.
+        period: Duration,
+    },
+}
+
+/// The loop and what it works with.
+struct Process {
+    driver: RobotDriver,
+    bus: ServoBus,
+    spools: Spools,
+    health: Health,
+    told: MotorFault,
+    mark: u32,
+    slack: u16,
+    /// Time within a cycle by which answers count.
+    answers_by: Duration,
+    /// Tendons that are read in a cycle, a part of them after the other.
+    turns: Vec<Vec<usize>>,
+    cycle: usize,
+    goals: Vec<i32>,
+    measured_m: TendonVector,
+}
+
+/// Drives the robot until it is told to shut down; the servos then hold where they are.
+///
+/// # Errors
+/// [`DriverError`].
+pub fn run(
+    config: &DynamixelConfig,
+    options: &IpcOptions,
+    shutdown: &AtomicBool,
+) -> Result<(), DriverError> {
+    let settings = DriverSettings {
+        period: config.period,
+        limits: ReferenceLimits::of(&config.robot),
+    };
+    let connection = RobotConnection::open(options, &config.robot, &settings)?;
+    let mut bus = ServoBus::open(&config.device, config.baud, &config.servo_ids)?;
+    bus.find_all()?;
+    let home = Home::read(config)?;
+    check_marks(&mut bus, home.mark)?;
+    let states = bus.all_states(Instant::now() + FIRST_ANSWERS)?;
+    let goals: Vec<i32> = states.iter().map(|state| state.position).collect();
+    let answers_by = config.period.mul_f64(SHARE_OF_A_CYCLE);
+    let turns = turns(&mut bus, &goals, config.period, answers_by)?;
+    info!(
+        "{} of {} servos are read in a cycle",
+        turns[0].len(),
+        bus.count()
+    );
+    hold(&mut bus, &goals, config)?;
+    let spools = Spools::new(config.robot.spool_radius, &config.directions, home.zeros);
+    let measured_m = spools.lengths_m(&goals);
+    let state = TendonState {
+        position_m: measured_m,
+        velocity_m_s: [0.0; TENDONS],
+    };
+    let silent_after = config
+        .silent_after
+        .max(3 * turns.len() as u32 * config.period);
+    let process = Process {
+        driver: connection.drive_from(&state),
+        health: Health::new(bus.count(), silent_after, Instant::now()),
+        told: MotorFault::None,
+        mark: home.mark,
+        slack: config.slack,
+        answers_by,
+        turns,
+        cycle: 0,
+        goals,
+        measured_m,
+        spools,
+        bus,
+    };
+    if let Some(Err(refused)) = config.realtime_priority.map(realtime::use_fifo_priority) {
+        warn!("{refused}");
+    }
+    if let Err(refused) = realtime::reduce_wakeup_latency() {
+        warn!("{refused}");
+    }
+    process.serve(shutdown)
+}
+
+/// Checks that no servo was without power since homing.
+fn check_marks(bus: &mut ServoBus, mark: u32) -> Result<(), DriverError> {
+    let marks = bus.read_u32(SCRATCH)?;
+    match marks.iter().position(|it| *it != mark) {
+        Some(tendon) => Err(DriverError::Homeless { id: bus.id(tendon) }),
+        None => Ok(()),
+    }
+}
+
+/// Has the servos hold these positions with the torque limit.
+fn hold(bus: &mut ServoBus, goals: &[i32], config: &DynamixelConfig) -> Result<(), BusError> {
+    bus.set_u8(BUS_WATCHDOG, 0)?;
+    bus.set_u32(PROFILE_VELOCITY, 0)?;
+    bus.set_u16(GOAL_CURRENT, config.current_limit)?;
+    bus.send_goals(goals)?;
+    bus.set_u8(TORQUE_ENABLE, 1)?;
+    bus.set_u8(BUS_WATCHDOG, config.bus_watchdog)
+}
+
+/// Which tendons are read in which cycle: as many at once as the line carries.
+fn turns(
+    bus: &mut ServoBus,
+    goals: &[i32],
+    period: Duration,
+    within: Duration,
+) -> Result<Vec<Vec<usize>>, DriverError> {
+    let all: Vec<usize> = (0..bus.count()).collect();
+    let mut took = Duration::ZERO;
+    for at_once in (1..=all.len()).rev() {
+        let tendons = &all[..at_once];
+        if bus.time_to_write() + bus.time_to_read(at_once) > within && at_once > 1 {
+            continue;
+        }
+        took = time_of_a_round(bus, goals, tendons)?;
+        if took <= within {
+            let cycles = all.len().div_ceil(at_once);
+            let parts = all.chunks(all.len().div_ceil(cycles));
+            return Ok(parts.map(<[usize]>::to_vec).collect());
+        }
+    }
+    Err(DriverError::TooSlow { took, period })
+}
+
+/// The time of a round of goals and states, but for the longest one.
+fn time_of_a_round(
+    bus: &mut ServoBus,
+    goals: &[i32],
+    tendons: &[usize],
+) -> Result<Duration, BusError> {
+    let mut times = Vec::with_capacity(ROUNDS);
+    for _ in 0..ROUNDS {
+        let begun = Instant::now();
+        bus.send_goals(goals)?;
+        bus.ask_for_states(tendons)?;
+        bus.receive_states(tendons.len(), begun + FIRST_ANSWERS, |_, _| ());
+        times.push(begun.elapsed());
+    }
+    times.sort();
+    Ok(times[ROUNDS - 2])
+}
+
+impl Process {
+    fn serve(mut self, shutdown: &AtomicBool) -> Result<(), DriverError> {
+        while !shutdown.load(Ordering::Relaxed) {
+            self.step();
+        }
+        // The servos hold while nobody talks to them.
+        self.bus.set_u8(BUS_WATCHDOG, 0)?;
+        info!("ended");
+        Ok(())
+    }
+
+    fn step(&mut self) {
+        let targets = self.driver.next_targets();
+        let begun = Instant::now();
+        self.spools.positions(&targets.position_m, &mut self.goals);
+        if self.talk(begun + self.answers_by).is_err() {
+            self.health.lose_line();
+        }
+        let (fault, tendon) = self.health.fault(Instant::now());
+        self.tell(fault, tendon);
+        self.driver.report(&self.measured_m, fault);
+    }
+
+    /// Writes the goals and reads the servos whose turn it is.
+    fn talk(&mut self, deadline: Instant) -> Result<(), BusError> {
+        let Self {
+            bus,
+            spools,
+            health,
+            measured_m,
+            ..
+        } = self;
+        let tendons = &self.turns[self.cycle % self.turns.len()];
+        self.cycle += 1;
+        bus.send_goals(&self.goals)?;
+        bus.ask_for_states(tendons)?;
+        let mut returned = None;
+        bus.receive_states(tendons.len(), deadline, |tendon, state: ServoState| {
+            measured_m[tendon] = spools.length_m(tendon, state.position);
+            let is_slack = state.current.unsigned_abs() < self.slack;
+            if health.hear(Instant::now(), tendon, state.is_in_error, is_slack) {
+                returned = Some(tendon);
+            }
+        });
+        if returned.is_some() && bus.read_u32(SCRATCH)?.iter().any(|mark| *mark != self.mark) {
+            health.lose_home();
+        }
+        Ok(())
+    }
+
+    /// Tells the log what has become of the servos.
+    fn tell(&mut self, fault: MotorFault, tendon: Option<usize>) {
+        if fault == self.told {
+            return;
+        }
+        self.told = fault;
+        let servo = tendon.map(|tendon| self.bus.id(tendon));
+        match (fault, servo) {
+            (MotorFault::None, _) => info!("all servos answer"),
+            (MotorFault::Bus, _) => warn!("no servo answers"),
+            (MotorFault::Motor, Some(id)) => {
+                warn!("servo {id} is in error: its hardware error status says why")
+            }
+            (MotorFault::Motor, None) => warn!("a servo was without power: `pcc home`"),
+            (_, Some(id)) => warn!("servo {id} does not answer, or its tendon is slack"),
+            (_, None) => warn!("{fault}"),
+        }
+    }
+}
