@@ -11,7 +11,7 @@ use denoiser::{FastModel, Manifest};
 use pcc_model::{Configuration, Robot, UnitRobot};
 use planning::{
     Candidate, EarlySelection, Goal, MOST_CORRECTIONS, Models, MovingObstacles, Plan, Planner,
-    Problem, Request, Sampler, StartMotion, Supervision, ToBeDone, random_configuration,
+    Problem, Request, Sampler, StartMotion, Supervision, random_configuration,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use collision::SceneError;
-use planning::{Candidate, Problem, ToBeDone};
+use planning::{Candidate, Problem};
 use shared_types::clock::{mono_now_ns, seconds};
 use shared_types::codes::{Outcome, PlanField};
 

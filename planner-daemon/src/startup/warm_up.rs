@@ -7,7 +7,7 @@ use collision::{Ball, Scene, tracking_padding};
 use pcc_model::{Configuration, Point, UnitRobot};
 use planning::{
     EarlySelection, Goal, MOST_CORRECTIONS, MovingObstacles, Planner, PlannerError, Problem,
-    Request, Sampler, StartMotion, Supervision, ToBeDone,
+    Request, Sampler, StartMotion, Supervision,
 };
 use trajectory::Trajectory;
 
