@@ -15,7 +15,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-use realtime::reduce_wakeup_latency;
+use realtime::{reduce_wakeup_latency, use_fifo_priority};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use toml::{Table, Value};
@@ -28,6 +29,12 @@ use servo::{Answer, Servo};
 pub const SERVOS: usize = 9;
 /// Their ids.
 pub const IDS: [u8; SERVOS] = [1, 2, 3, 4, 5, 6, 7, 8, 9];
+/// Priority of the thread that answers, above all processes of a robot.
+const PRIORITY: u8 = 90;
+/// Cycles of the driver a second: half of a shared machine's two processors is not enough for more.
+const RATE_HZ: i64 = 250;
+/// Lag of the motors: two over their frequency, and half a cycle.
+const LAG_MS: f64 = 15.3;
 /// Step of the motors' motion.
 const STEP: Duration = Duration::from_micros(500);
 /// Bits on the line for each byte.
@@ -95,14 +102,18 @@ impl ServoBank {
         let answering = {
             let (bank, ended) = (Arc::clone(&bank), Arc::clone(&ended));
             std::thread::spawn(move || {
-                // Packets take some 50 µs.
+                // Servos wait for nobody, and packets take some 50 µs.
+                let _ = use_fifo_priority(PRIORITY);
                 let _ = reduce_wakeup_latency();
                 answer(terminal, &bank, &ended);
             })
         };
         let turning = {
             let (bank, ended, body) = (Arc::clone(&bank), Arc::clone(&ended), body.clone());
-            std::thread::spawn(move || turn(&body, &bank, &ended))
+            std::thread::spawn(move || {
+                let _ = use_fifo_priority(PRIORITY);
+                turn(&body, &bank, &ended);
+            })
         };
         Self {
             device,
@@ -125,6 +136,8 @@ impl ServoBank {
             ("servo_ids".to_owned(), ids.to_vec().into()),
             ("directions".to_owned(), vec![Value::from(1); SERVOS].into()),
             ("baud".to_owned(), i64::from(lock(&self.bank).baud).into()),
+            ("rate_hz".to_owned(), RATE_HZ.into()),
+            ("lag_ms".to_owned(), LAG_MS.into()),
             ("home_speed_rpm".to_owned(), 10.0.into()),
         ]);
         fs::write(file, config.to_string()).unwrap();
@@ -184,13 +197,23 @@ fn answer(mut terminal: File, bank: &Mutex<Bank>, ended: &AtomicBool) {
     while !ended.load(Ordering::Relaxed) {
         match terminal.read(&mut bytes) {
             Ok(count) => line.receive(&bytes[..count]),
-            Err(error) if error.kind() == ErrorKind::WouldBlock => sleep(Duration::from_micros(20)),
+            Err(error) if error.kind() == ErrorKind::WouldBlock => wait_for_bytes(&terminal),
             Err(_) => sleep(Duration::from_millis(1)),
         }
         while let Some((instruction, length)) = line.next_instruction() {
             carry_out(&mut terminal, bank, &instruction, length);
         }
     }
+}
+
+/// Waits until bytes come, for a moment at most.
+fn wait_for_bytes(terminal: &File) {
+    let mut files = [PollFd::new(terminal, PollFlags::IN)];
+    let moment = Timespec {
+        tv_sec: 0,
+        tv_nsec: 20_000_000,
+    };
+    let _ = poll(&mut files, Some(&moment));
 }
 
 /// Has the servos do what they are told, once its bytes have come, and sends their answers together once the last one's bytes have gone.

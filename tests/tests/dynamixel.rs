@@ -1,6 +1,7 @@
 //! A robot whose tendons nine Dynamixel servos wind: homed, driven, and with what goes wrong on its line.
 #![allow(clippy::unwrap_used)] // tests
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use shared_types::codes::{LoopFault, LoopState};
@@ -12,6 +13,12 @@ use tests::world::{Settings, World};
 
 const TIP_M: [f64; 3] = [1.0, 0.5, 2.3];
 const BAUD: u32 = 4_000_000;
+
+/// Held by each test while it runs: servos answer within a millisecond, so that two banks are too much for two processors.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A bank of servos for the robot of a world, and the configuration that names its line.
 fn bank(world: &World, baud: u32) -> ServoBank {
@@ -59,6 +66,7 @@ fn hold(stack: &mut Stack, driver: &Process) {
 
 #[test]
 fn a_homed_robot_goes_where_it_is_sent() {
+    let _alone = alone();
     let (mut stack, bank, driver) = driven();
     let begun_m = bank.lengths_m();
     let id = stack.begin_motion(Goal::tip(TIP_M)).unwrap();
@@ -78,6 +86,7 @@ fn a_homed_robot_goes_where_it_is_sent() {
 
 #[test]
 fn a_robot_is_driven_only_where_its_servos_still_know_their_home() {
+    let _alone = alone();
     let world = World::new(&Settings::default());
     let bank = bank(&world, BAUD);
     let refused = |reason: &str| {
@@ -96,6 +105,7 @@ fn a_robot_is_driven_only_where_its_servos_still_know_their_home() {
 
 #[test]
 fn homing_says_which_tendon_is_loose_and_lets_go() {
+    let _alone = alone();
     let world = World::new(&Settings::default());
     let bank = bank(&world, BAUD);
     bank.set(|faults| faults.loose = Some(6));
@@ -109,6 +119,7 @@ fn homing_says_which_tendon_is_loose_and_lets_go() {
 
 #[test]
 fn a_line_that_is_too_slow_for_the_loop_is_said_at_the_start() {
+    let _alone = alone();
     let world = World::new(&Settings::default());
     let _bank = bank(&world, 57_600);
     assert!(home(&world).0);
@@ -123,10 +134,12 @@ fn a_line_that_is_too_slow_for_the_loop_is_said_at_the_start() {
 
 #[test]
 fn lost_and_damaged_packets_are_borne_and_a_lost_line_is_a_fault() {
+    let _alone = alone();
     let (mut stack, bank, driver) = driven();
     bank.set(|faults| (faults.drop_one_in, faults.damage_one_in) = (17, 23));
     let id = stack.begin_motion(Goal::tip(TIP_M)).unwrap();
-    stack.wait_for_end(id).unwrap();
+    let ended = stack.wait_for_end(id);
+    ended.unwrap_or_else(|error| panic!("{error}: {}", driver.log()));
     hold(&mut stack, &driver);
     bank.set(|faults| faults.unplugged = true);
     let fault = wait_for("a fault", PATIENCE, || {

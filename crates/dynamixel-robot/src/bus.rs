@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use dynamixel2::instructions::SyncWriteData;
-use dynamixel2::{Bus, ReadError, StatusPacket, TransferError, WriteError};
+use dynamixel2::{Bus, ReadError, TransferError, WriteError};
 
 use crate::registers::{GOAL_POSITION, HARDWARE_ERROR_STATUS, PRESENT_STATE, STATE_BYTES};
 
@@ -193,7 +193,8 @@ impl ServoBus {
                 Ok(packet) => {
                     let id = packet.packet_id();
                     let tendon = self.ids.iter().position(|known| *known == id);
-                    if let Some((tendon, state)) = tendon.zip(state_of(&packet)) {
+                    let state = state_of(packet.parameters(), packet.alert());
+                    if let Some((tendon, state)) = tendon.zip(state) {
                         told(tendon, state);
                     }
                 }
@@ -257,14 +258,57 @@ impl ServoBus {
     }
 }
 
-fn state_of(packet: &StatusPacket) -> Option<ServoState> {
-    let (current, rest) = packet.parameters().split_first_chunk()?;
+/// The state that these parameters of a status packet are; none where they are of another length.
+fn state_of(parameters: &[u8], is_in_error: bool) -> Option<ServoState> {
+    let unstuffed = without_stuffing(parameters)?;
+    let (current, rest) = unstuffed.split_first_chunk()?;
     let (velocity, rest) = rest.split_first_chunk()?;
     let (position, _) = rest.split_first_chunk()?;
     Some(ServoState {
         current: i16::from_le_bytes(*current),
         velocity: i32::from_le_bytes(*velocity),
         position: i32::from_le_bytes(*position),
-        is_in_error: packet.alert(),
+        is_in_error,
     })
+}
+
+/// Parameters without the bytes that keep a header out of them: `dynamixel2` 0.9 leaves one in where three bytes 0xFF come before 0xFD, as between a
+/// velocity of -1 and a position.
+fn without_stuffing(parameters: &[u8]) -> Option<[u8; STATE_BYTES as usize]> {
+    if let Ok(whole) = parameters.try_into() {
+        return Some(whole);
+    }
+    let mut unstuffed = [0; STATE_BYTES as usize];
+    let (mut length, mut is_stuffing) = (0, false);
+    for &byte in parameters {
+        if is_stuffing && byte == 0xFD {
+            is_stuffing = false;
+            continue;
+        }
+        *unstuffed.get_mut(length)? = byte;
+        length += 1;
+        is_stuffing = unstuffed[..length].ends_with(&[0xFF, 0xFF, 0xFD]);
+    }
+    (length == unstuffed.len()).then_some(unstuffed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_velocity_and_a_position_that_look_like_a_header_are_understood() {
+        let bytes = [0x25, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0xFD, 0x01, 0, 0];
+        let expected = ServoState {
+            current: 0x25,
+            velocity: -1,
+            position: 0x1FD,
+            is_in_error: true,
+        };
+        assert_eq!(state_of(&bytes, true), Some(expected));
+        let stuffed = [0x25, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0xFD, 0xFD, 0x01, 0, 0];
+        assert_eq!(state_of(&stuffed, true), Some(expected));
+        assert_eq!(state_of(&bytes[..9], true), None);
+        assert_eq!(state_of(&[0; 11], true), None);
+    }
 }

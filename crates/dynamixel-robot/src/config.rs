@@ -46,6 +46,7 @@ input_files::settings_file! {
         slack_ma: f64 = 20.0,
         bus_watchdog_ms: u32 = 20,
         silent_ms: u32 = 20,
+        lag_ms: f64 = 0.0,
         home_speed_rpm: f64 = 5.0,
         home_turns: f64 = 3.0,
         home_timeout_s: f64 = 30.0,
@@ -81,6 +82,8 @@ pub struct DynamixelConfig {
     pub(crate) bus_watchdog: u8,
     /// Time without an answer after which a servo counts as silent.
     pub(crate) silent_after: Duration,
+    /// Time by which a servo is behind a goal that moves, s: goals are sent so much ahead.
+    pub(crate) lag_s: f64,
     /// How homing winds tendons.
     pub(crate) homing: Homing,
 }
@@ -127,6 +130,7 @@ impl DynamixelConfig {
             slack: units(file.slack_ma),
             bus_watchdog: (file.bus_watchdog_ms / WATCHDOG_MS) as u8,
             silent_after: Duration::from_millis(file.silent_ms.into()),
+            lag_s: 1e-3 * file.lag_ms,
             homing: Homing {
                 speed_rpm: file.home_speed_rpm,
                 turns: file.home_turns,
@@ -150,6 +154,7 @@ impl File {
         let allowed = "a multiple of 20, the servos' own step";
         checked.require(steps, "bus_watchdog_ms", self.bus_watchdog_ms, allowed)?;
         checked.within("silent_ms", self.silent_ms, 5..=1000)?;
+        checked.within("lag_ms", self.lag_ms, 0.0..=100.0)?;
         checked.within("home_speed_rpm", self.home_speed_rpm, 0.3..=60.0)?;
         checked.within("home_turns", self.home_turns, 0.1..=100.0)?;
         checked.within("home_timeout_s", self.home_timeout_s, 1.0..=600.0)

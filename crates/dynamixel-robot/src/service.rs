@@ -67,6 +67,7 @@ struct Process {
     told: MotorFault,
     mark: u32,
     slack: u16,
+    lag_s: f64,
     /// Time within a cycle by which answers count.
     answers_by: Duration,
     /// Tendons that are read in a cycle, a part of them after the other.
@@ -119,6 +120,7 @@ pub fn run(
         told: MotorFault::None,
         mark: home.mark,
         slack: config.slack,
+        lag_s: config.lag_s,
         answers_by,
         turns,
         cycle: 0,
@@ -211,7 +213,9 @@ impl Process {
     fn step(&mut self) {
         let targets = self.driver.next_targets();
         let begun = Instant::now();
-        self.spools.positions(&targets.position_m, &mut self.goals);
+        let ahead = |k: usize| targets.position_m[k] + self.lag_s * targets.velocity_m_s[k];
+        let goals_m = std::array::from_fn(ahead);
+        self.spools.positions(&goals_m, &mut self.goals);
         if self.talk(begun + self.answers_by).is_err() {
             self.health.lose_line();
         }
@@ -258,7 +262,7 @@ impl Process {
             (MotorFault::None, _) => info!("all servos answer"),
             (MotorFault::Bus, _) => warn!("no servo answers"),
             (MotorFault::Motor, Some(id)) => {
-                warn!("servo {id} is in error: its hardware error status says why")
+                warn!("servo {id} is in error: its hardware error status says why");
             }
             (MotorFault::Motor, None) => warn!("a servo was without power: `pcc home`"),
             (_, Some(id)) => warn!("servo {id} does not answer, or its tendon is slack"),

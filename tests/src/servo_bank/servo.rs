@@ -31,7 +31,7 @@ const UNIT_OF_VELOCITY: f64 = 0.229 / 60.0 * PULSES_OF_A_TURN;
 /// Natural frequency of the position loop, rad/s; it is critically damped.
 const FREQUENCY: f64 = 150.0;
 /// Greatest speed and acceleration of the motor, pulses/s and pulses/s².
-const FASTEST: f64 = 60.0 / 60.0 * PULSES_OF_A_TURN;
+const FASTEST: f64 = PULSES_OF_A_TURN;
 const STRONGEST: f64 = 2e5;
 /// Current that holds a tendon that is stretched by a metre, units of 2.69 mA.
 const STIFFNESS: f64 = 5e4;

@@ -74,6 +74,11 @@ typedef struct PccClient PccClient;
 typedef struct PccControllerView PccControllerView;
 
 /*
+ The driver of a robot's motors; it has the robot's place.
+ */
+typedef struct PccDriver PccDriver;
+
+/*
  Gives the daemon a goal, moves it, and hears what becomes of it.
  */
 typedef struct PccGoalSender PccGoalSender;
@@ -92,6 +97,28 @@ typedef struct PccRobotView PccRobotView;
  Publishes what one source knows of the obstacles.
  */
 typedef struct PccScene PccScene;
+
+/*
+ What motors are to do in a cycle: lengths of the tendons relative to the straight robot, those beyond the robot's tendons 0.
+ */
+typedef struct {
+  /*
+   Time for which this is, nanoseconds of CLOCK_MONOTONIC.
+   */
+  int64_t stamp_ns;
+  /*
+   Metres.
+   */
+  double position_m[9];
+  /*
+   Metres a second.
+   */
+  double velocity_m_s[9];
+  /*
+   Metres a second squared.
+   */
+  double acceleration_m_s2[9];
+} PccMotorTargets;
 
 #ifdef __cplusplus
 extern "C" {
@@ -291,6 +318,33 @@ int32_t pcc_goal_withdraw(PccGoalSender *sender);
  */
 int32_t pcc_goal_status(PccGoalSender *sender,
                         PccGoalStatus *status);
+
+/*
+ Takes the robot's place for the robot of a robot file, whose motors stand at `position_m` (9 lengths of the tendons relative to the straight
+ robot, metres; null: all 0). A cycle is 1 ms. Null where it fails, also where another driver is there.
+ */
+PccDriver *pcc_driver_connect(const char *prefix,
+                              const char *root,
+                              const char *robot_file,
+                              const double *position_m);
+
+/*
+ Leaves the robot's place; nothing where the pointer is null.
+ */
+void pcc_driver_free(PccDriver *driver);
+
+/*
+ Waits for the next cycle and says what the motors are to do: 0, or -1 where it fails.
+ */
+int32_t pcc_driver_next(PccDriver *driver, PccMotorTargets *targets);
+
+/*
+ Publishes what the motors did in this cycle: 9 measured lengths of the tendons relative to the straight robot, metres, and a
+ `PccMotorFault`. 0, or -1 where it fails.
+ */
+int32_t pcc_driver_report(PccDriver *driver,
+                          const double *measured_m,
+                          uint32_t fault);
 
 /*
  The text for people of a code, as in `pcc_text("Outcome", report->outcome)`; valid for ever. Null where there is no such set or code.
