@@ -11,10 +11,10 @@ use shared_types::{
 };
 use tracing::{debug, info, warn};
 
-use crate::{
-    Mode, MotorTargets, Reference, ReferenceLimits, TENDONS, TendonState, TendonVector,
-    shared_memory::claim_shared_memory,
-};
+use crate::reference::Reference;
+use crate::setpoint::{Mode, MotorTargets, ReferenceLimits, TendonState};
+use crate::shared_memory::claim_shared_memory;
+use crate::tendon_vector::{TENDONS, TendonVector};
 
 /// Time between two heartbeats, ns.
 const HEARTBEAT_PERIOD_NS: i64 = 20_000_000;

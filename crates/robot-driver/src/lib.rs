@@ -22,18 +22,10 @@ mod driver;
 mod reference;
 mod setpoint;
 mod shared_memory;
+mod tendon_vector;
 
 pub use driver::{DriverSettings, RobotConnection, RobotDriver};
 pub use reference::{FAULT_SILENCE_NS, Reference};
 pub use setpoint::{Mode, MotorTargets, ReferenceLimits, Refusal, TendonState};
 pub use shared_memory::claim_shared_memory;
-
-/// Tendons in every message; robots with fewer leave the rest at zero.
-pub const TENDONS: usize = shared_types::capacity::TENDONS;
-const _: () = assert!(
-    TENDONS == pcc_model::MAX_TENDONS,
-    "robot files allow what a message carries"
-);
-
-/// One number a tendon.
-pub type TendonVector = [f64; TENDONS];
+pub use tendon_vector::{TENDONS, TendonVector};

@@ -10,7 +10,7 @@
 //! it starts or is reset.
 
 use crate::setpoint::{Mode, MotorTargets, ReferenceLimits, Refusal, TendonState};
-use crate::{TENDONS, TendonVector};
+use crate::tendon_vector::{TENDONS, TendonVector};
 use shared_types::clock::seconds;
 use shared_types::message::Setpoint;
 

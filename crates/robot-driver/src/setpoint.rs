@@ -3,7 +3,7 @@
 use pcc_model::Robot;
 use shared_types::codes::MotorState;
 
-use crate::TendonVector;
+use crate::tendon_vector::TendonVector;
 
 /// Factor on the robot's limits up to which set-points are accepted: rounding is no fault.
 const USUAL_ALLOWANCE: f64 = 1.05;
