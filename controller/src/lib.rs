@@ -3,12 +3,10 @@
 //! * [`executive`]: the state machine that decides what the loop does each cycle;
 //! * [`arena`]: the hard loop's own memory;
 //! * [`service`]: the controller's process: loop, guard and relay threads;
-//! * [`robot`]: the simulated robot, and its process;
-//! * [`config`]: what both programs have in common.
+//! * [`robot`]: the simulated robot, and its process.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod arena;
-pub mod config;
 pub mod executive;
 #[cfg(test)]
 mod fixtures;

@@ -4,13 +4,10 @@ use std::path::{Path, PathBuf};
 
 use input_files::{SettingsError, SettingsFile};
 use pcc_model::{Configuration, DOF, Numbers, Robot};
-use robot_driver::{ReferenceLimits, TendonState};
+use robot_driver::{ConfigError, ReferenceLimits, TendonState, check_loop, robot_of};
 
 use super::MotorLimits;
-use crate::{
-    TENDONS,
-    config::{ConfigError, check_loop, robot_of},
-};
+use crate::TENDONS;
 
 input_files::settings_file! {
     /// The settings of the file, with defaults for those that it leaves out.

@@ -4,11 +4,9 @@ use std::path::{Path, PathBuf};
 
 use input_files::{SettingsError, SettingsFile};
 use pcc_model::Robot;
+use robot_driver::{ConfigError, check_loop, robot_of};
 
-use crate::{
-    config::{ConfigError, check_loop, robot_of},
-    executive::{BeginWindow, ExecutiveSettings},
-};
+use crate::executive::{BeginWindow, ExecutiveSettings};
 
 input_files::settings_file! {
     /// The settings of the file, with defaults for those that it leaves out.

@@ -4,28 +4,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use input_files::{SettingsError, SettingsFile};
-use pcc_model::{Robot, RobotFileError};
+use pcc_model::Robot;
+use robot_driver::{ConfigError, robot_of};
 
 use crate::registers::{MILLIAMPERES, WATCHDOG_MS};
 
 /// Ids that a servo can have.
 const IDS: std::ops::RangeInclusive<u8> = 0..=252;
-
-/// Why the configuration was refused.
-#[derive(Debug, thiserror::Error)]
-pub enum ConfigError {
-    /// The file is not read or not understood, or a setting is outside its range.
-    #[error("configuration: {0}")]
-    Settings(#[from] SettingsError),
-    /// The robot file that it names was refused.
-    #[error("configuration {path:?}: `robot`: {error}")]
-    Robot {
-        /// The configuration file.
-        path: PathBuf,
-        /// What is wrong with the robot file.
-        error: Box<RobotFileError>,
-    },
-}
 
 input_files::settings_file! {
     /// The settings of the file, with defaults for those that it leaves out.
@@ -108,12 +93,7 @@ impl DynamixelConfig {
         let checked = SettingsFile { path };
         let file: File = checked.read()?;
         file.check(&checked)?;
-        let folder = path.parent().unwrap_or(Path::new("."));
-        let robot = Robot::from_file(&folder.join(&file.robot));
-        let robot = robot.map_err(|error| ConfigError::Robot {
-            path: path.to_owned(),
-            error: Box::new(error),
-        })?;
+        let robot = robot_of(&checked, &file.robot)?;
         file.check_tendons(&checked, robot.tendons.count())?;
         let units = |milliamperes: f64| (milliamperes / MILLIAMPERES).round() as u16;
         Ok(Self {
@@ -124,7 +104,7 @@ impl DynamixelConfig {
             directions: file.directions,
             period: Duration::from_secs(1) / file.rate_hz,
             realtime_priority: Some(file.realtime_priority).filter(|it| *it > 0),
-            home: folder.join(file.home),
+            home: path.with_file_name(file.home),
             current_limit: units(file.current_limit_ma),
             pre_tension: units(file.pre_tension_ma),
             slack: units(file.slack_ma),

@@ -145,12 +145,16 @@ pub fn home(config: &DynamixelConfig, options: &IpcOptions) -> Result<(), HomeEr
     let _role = RoleLock::acquire(options, Role::Robot)?;
     let mut bus = ServoBus::open(&config.device, config.baud, &config.servo_ids)?;
     bus.find_all()?;
-    let zeros = wind(&mut bus, config);
-    if zeros.is_err() {
+    let homed = wind(&mut bus, config).and_then(|zeros| note(&mut bus, config, zeros));
+    if homed.is_err() {
         // Each by itself would end at the first one that does not answer.
         let _ = bus.set_all_u8(TORQUE_ENABLE, 0);
     }
-    let zeros = zeros?;
+    homed
+}
+
+/// Leaves a mark in the servos, which then hold with the torque limit, and notes it with these positions.
+fn note(bus: &mut ServoBus, config: &DynamixelConfig, zeros: Vec<i32>) -> Result<(), HomeError> {
     bus.set_u16(GOAL_CURRENT, config.current_limit)?;
     let mark = (mono_now_ns() as u32).max(1);
     bus.set_u32(SCRATCH, mark)?;

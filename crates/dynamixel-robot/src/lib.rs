@@ -17,6 +17,6 @@ mod service;
 mod spools;
 
 pub use bus::BusError;
-pub use config::{ConfigError, DynamixelConfig};
+pub use config::DynamixelConfig;
 pub use home::{HomeError, home};
 pub use service::{DriverError, run};

@@ -90,6 +90,22 @@ fn leaving_in(problem: Problem, state: &State) -> (Problem, Request) {
     (problem, request)
 }
 
+/// Motions that begin in exactly this state, within the limits, and certified.
+fn assert_begin_at<'a>(
+    planner: &Planner,
+    scene: &Scene,
+    begin: &Knot,
+    candidates: impl Iterator<Item = &'a Candidate>,
+) {
+    let robot = planner.robot();
+    for candidate in candidates {
+        let motion = &candidate.trajectory;
+        assert_eq!(motion.knots()[0], *begin);
+        assert!(limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6);
+        assert!(certify_trajectory(robot, scene, motion, 0.0).is_free());
+    }
+}
+
 #[test]
 fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
     let planner = planner(2);
@@ -176,15 +192,8 @@ fn motions_begin_where_the_robot_is_once_paths_are_planned() {
         };
         let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
         assert_eq!(answer.candidates.len(), 10);
-        let robot = planner.robot();
-        for candidate in &answer.candidates {
-            let motion = &candidate.trajectory;
-            assert_eq!(motion.knots()[0], knot_at(&then));
-            assert!(
-                limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6
-            );
-            assert!(certify_trajectory(robot, &moving.scene, motion, 0.0).is_free());
-        }
+        let all = answer.candidates.iter();
+        assert_begin_at(&planner, &moving.scene, &knot_at(&then), all);
         let planned_there = plan(&planner, &later, &from_there);
         let [late, there] = [&answer, &planned_there].map(|it| selected(it).metrics.duration_s);
         assert!(
@@ -213,13 +222,8 @@ fn segments_are_joined_again_where_the_switch_was_too_near() {
     assert_eq!(told.len(), 1);
     assert_eq!(told[0].draw, selected(&answer).draw);
     assert_eq!(answer.candidates.len(), 10);
-    let robot = planner.robot();
-    for candidate in answer.candidates.iter().chain(&told) {
-        let motion = &candidate.trajectory;
-        assert_eq!(motion.knots()[0], knot_at(&then));
-        assert!(limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6);
-        assert!(certify_trajectory(robot, &moving.scene, motion, 0.0).is_free());
-    }
+    let all = answer.candidates.iter().chain(&told);
+    assert_begin_at(&planner, &moving.scene, &knot_at(&then), all);
 }
 
 #[test]
@@ -405,14 +409,9 @@ fn the_fastest_motion_is_joined_again_where_the_later_switch_was_too_near_as_wel
         assert_eq!(told.len(), 1);
         assert_eq!(told[0].draw, selected(&answer).draw);
         assert_eq!(answer.candidates.len(), 10);
-        let robot = planner.robot();
-        for candidate in answer.candidates.iter().chain(&told) {
-            let motion = &candidate.trajectory;
-            assert_eq!(motion.knots()[0], later[usize::from(is_too_near)]);
-            let most = limit_use(motion, &robot.tendons, &robot.tendon_limits);
-            assert!(most.largest() <= 1.0 + 1e-6);
-            assert!(certify_trajectory(robot, &moving.scene, motion, 0.0).is_free());
-        }
+        let begin = &later[usize::from(is_too_near)];
+        let all = answer.candidates.iter().chain(&told);
+        assert_begin_at(&planner, &moving.scene, begin, all);
         told[0].metrics.duration_s
     });
     assert!((told_s[0] - told_s[1]).abs() < 0.02, "{told_s:?}");

@@ -18,12 +18,14 @@
 //! # }
 //! ```
 
+mod config;
 mod driver;
 mod reference;
 mod setpoint;
 mod shared_memory;
 mod tendon_vector;
 
+pub use config::{ConfigError, check_loop, robot_of};
 pub use driver::{DriverSettings, RobotConnection, RobotDriver};
 pub use reference::{FAULT_SILENCE_NS, Reference};
 pub use setpoint::{Mode, MotorTargets, ReferenceLimits, Refusal, TendonState};

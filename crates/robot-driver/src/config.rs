@@ -1,4 +1,4 @@
-//! Reading the configuration files of both programs.
+//! What the configuration files of controllers and drivers have in common.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,10 @@ pub enum ConfigError {
 }
 
 /// Loads the robot file `robot`, relative to the folder of the configuration.
-pub(crate) fn robot_of(
+///
+/// # Errors
+/// [`ConfigError::Robot`].
+pub fn robot_of(
     configuration: &SettingsFile<'_>,
     robot: &Path,
 ) -> Result<pcc_model::Robot, ConfigError> {
@@ -33,8 +36,11 @@ pub(crate) fn robot_of(
     })
 }
 
-/// Checks the settings that both programs' loops have: rate and real-time priority.
-pub(crate) fn check_loop(
+/// Checks the settings that loops at 1 kHz have: rate and real-time priority.
+///
+/// # Errors
+/// [`SettingsError::Range`].
+pub fn check_loop(
     configuration: &SettingsFile<'_>,
     rate_hz: u32,
     priority: u8,
