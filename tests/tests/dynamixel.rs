@@ -147,9 +147,8 @@ fn lost_and_damaged_packets_are_borne_and_a_lost_line_is_a_fault() {
         (state.fault != LoopFault::None).then_some(state.fault)
     });
     assert_eq!(fault.unwrap(), LoopFault::RobotFault);
-    assert!(
-        driver.log().contains("no servo answers"),
-        "{}",
-        driver.log()
-    );
+    let told = wait_for("the driver tells", PATIENCE, || {
+        driver.log().contains("no servo answers").then_some(())
+    });
+    told.unwrap_or_else(|error| panic!("{error}: {}", driver.log()));
 }
