@@ -51,9 +51,9 @@ impl Planner {
         self.workers.spawn(task);
     }
 
-    /// Runs a task on each of the workers.
-    pub fn on_every_worker(&self, task: impl Fn() + Sync) {
-        self.workers.broadcast(|_| task());
+    /// Runs a task on each of the workers, which is told the worker's number, from 0.
+    pub fn on_every_worker(&self, task: impl Fn(usize) + Sync) {
+        self.workers.broadcast(|worker| task(worker.index()));
     }
 
     /// Answers one request; `interrupt` is asked between stages and while a tree grows, and returns true to truncate.

@@ -19,7 +19,8 @@ use std::time::Duration;
 use rustix::io::Errno;
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{
-    ClockId, CpuSet, clock_nanosleep_absolute, sched_setaffinity, set_current_timer_slack,
+    ClockId, CpuSet, clock_nanosleep_absolute, sched_getaffinity, sched_setaffinity,
+    set_current_timer_slack,
 };
 use rustix::time::Timespec;
 
@@ -111,6 +112,16 @@ pub fn set_cpu_affinity(processors: &[usize]) -> Result<(), RealtimeError> {
         set.set(processor);
     }
     sched_setaffinity(None, &set).map_err(|error| refused(error.into()))
+}
+
+/// The processors that this thread may run on, numbered from 0.
+///
+/// # Errors
+/// What the system says.
+pub fn allowed_processors() -> io::Result<Vec<usize>> {
+    let allowed = sched_getaffinity(None)?;
+    let processors = 0..CpuSet::MAX_CPU;
+    Ok(processors.filter(|it| allowed.is_set(*it)).collect())
 }
 
 /// Runs this thread under SCHED_FIFO with `priority` (1 to 99): no ordinary program keeps it from a processor.

@@ -298,9 +298,15 @@ fn load_planner(
     })?;
     let planner = Planner::new(unit_robot, models, config.threads)
         .map_err(|source| not_served(config, source))?;
-    planner.on_every_worker(|| {
+    let own_processors = own_processors(config.threads);
+    planner.on_every_worker(|worker| {
         // A defect of the planner is an answer like any other.
         logging::do_not_abort_on_panic();
+        if let Some(processors) = &own_processors
+            && let Err(error) = realtime::set_cpu_affinity(&[processors[worker]])
+        {
+            tracing::warn!("a planning thread: {error}");
+        }
         if let Some(priority) = priority
             && let Err(error) = realtime::use_fifo_priority(priority)
         {
@@ -311,6 +317,13 @@ fn load_planner(
         }
     });
     Ok((planner, weights_hash))
+}
+
+/// A processor for each planning thread, where there are as many: a thread that another one wakes would else wait behind it on its processor
+/// (decision 0035).
+fn own_processors(threads: usize) -> Option<Vec<usize>> {
+    let allowed = realtime::allowed_processors().ok()?;
+    (allowed.len() == threads).then_some(allowed)
 }
 
 fn not_served(config: &Config, source: PlannerError) -> StartError {
