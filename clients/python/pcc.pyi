@@ -146,3 +146,27 @@ class Driver:
     def __next__(self) -> Targets: ...
     def report(self, measured_m: Sequence[float], *, fault: bool = False) -> None:
         """What the motors did in this cycle: 9 measured lengths."""
+
+class Cycle:
+    """One cycle of a follower: targets for the motors, and the configuration of the set-point, rad, rad/s, rad/s²."""
+
+    targets: Targets
+    configuration_rad: list[float]
+    velocity_rad_s: list[float]
+    acceleration_rad_s2: list[float]
+    state: str
+    trajectory_id: int
+
+class Follower:
+    """Follows the planner's trajectories in the controller's place, by a file like config/controller.toml. Iterated, it gives each cycle, until it
+    was shut down and the robot is at rest; give it up at rest alone."""
+
+    def __init__(
+        self, config_file: str, position_m: Sequence[float] = (0.0,) * 9, prefix: str | None = None, root: str | None = None
+    ) -> None: ...
+    def __iter__(self) -> Follower: ...
+    def __next__(self) -> Cycle: ...
+    def report(self, measured_m: Sequence[float], *, fault: bool = False) -> None:
+        """What the motors did in this cycle: 9 measured lengths."""
+    def shut_down(self) -> None:
+        """Stops the robot along its path; the iterator then ends."""

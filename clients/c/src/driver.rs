@@ -30,6 +30,17 @@ pub struct MotorTargets {
 
 const _: () = assert!(TENDONS == 9, "as the header says");
 
+impl From<robot_driver::MotorTargets> for MotorTargets {
+    fn from(targets: robot_driver::MotorTargets) -> Self {
+        Self {
+            stamp_ns: targets.stamp_ns,
+            position_m: targets.position_m,
+            velocity_m_s: targets.velocity_m_s,
+            acceleration_m_s2: targets.acceleration_m_s2,
+        }
+    }
+}
+
 /// Takes the robot's place for the robot of a robot file, whose motors stand at `position_m` (9 lengths of the tendons relative to the straight
 /// robot, metres; null: all 0). A cycle is 1 ms. Null where it fails, also where another driver is there.
 #[unsafe(no_mangle)]
@@ -42,10 +53,7 @@ pub extern "C" fn pcc_driver_connect(
     let connect = || {
         let file = Path::new(text(robot_file, "robot_file")?);
         let robot = Robot::from_file(file).map_err(|it| Failure::argument(it.to_string()))?;
-        let state = match position_m.is_null() {
-            true => TendonState::default(),
-            false => at_rest(tendons(position_m, "position_m")?),
-        };
+        let state = motors(position_m)?;
         let settings = DriverSettings::of(&robot);
         let connection = RobotConnection::open(&options(prefix, root)?, &robot, &settings);
         let connection = connection.map_err(ClientError::from)?;
@@ -66,13 +74,7 @@ pub extern "C" fn pcc_driver_next(driver: *mut Driver, targets: *mut MotorTarget
     let next = || {
         let Driver(driver) = write(driver, "driver")?;
         let targets = write(targets, "targets")?;
-        let next = driver.next_targets();
-        *targets = MotorTargets {
-            stamp_ns: next.stamp_ns,
-            position_m: next.position_m,
-            velocity_m_s: next.velocity_m_s,
-            acceleration_m_s2: next.acceleration_m_s2,
-        };
+        *targets = driver.next_targets().into();
         Ok(0)
     };
     or_fail(next(), -1)
@@ -88,23 +90,31 @@ pub extern "C" fn pcc_driver_report(
 ) -> i32 {
     let report = || {
         let Driver(driver) = write(driver, "driver")?;
-        let refused = |unknown: UnknownCode| Failure::argument(unknown.to_string());
-        let fault = MotorFault::try_from(fault).map_err(refused)?;
-        driver.report(&tendons(measured_m, "measured_m")?, fault);
+        driver.report(&tendons(measured_m, "measured_m")?, motor_fault(fault)?);
         Ok(0)
     };
     or_fail(report(), -1)
 }
 
-fn tendons(pointer: *const f64, name: &str) -> Outcome<[f64; TENDONS]> {
+/// Motors that stand at these lengths, or at 0 where the pointer is null.
+pub(crate) fn motors(position_m: *const f64) -> Outcome<TendonState> {
+    let position_m = match position_m.is_null() {
+        true => [0.0; TENDONS],
+        false => tendons(position_m, "position_m")?,
+    };
+    Ok(TendonState {
+        position_m,
+        ..TendonState::default()
+    })
+}
+
+pub(crate) fn motor_fault(code: u32) -> Outcome<MotorFault> {
+    let refused = |unknown: UnknownCode| Failure::argument(unknown.to_string());
+    MotorFault::try_from(code).map_err(refused)
+}
+
+pub(crate) fn tendons(pointer: *const f64, name: &str) -> Outcome<[f64; TENDONS]> {
     let lengths = array(pointer, TENDONS, name)?;
     let refused = |_| Failure::argument(format!("{name} has not {TENDONS} lengths"));
     lengths.try_into().map_err(refused)
-}
-
-fn at_rest(position_m: [f64; TENDONS]) -> TendonState {
-    TendonState {
-        position_m,
-        ..TendonState::default()
-    }
 }

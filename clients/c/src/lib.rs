@@ -10,6 +10,7 @@
 mod controller;
 mod driver;
 mod error;
+mod follower;
 mod goal;
 mod plan;
 mod pointer;
@@ -17,7 +18,7 @@ mod results;
 mod scene;
 mod text;
 
-pub use controller::{
+pub use self::controller::{
     ControllerView, RobotView, pcc_controller_command, pcc_controller_connect, pcc_controller_free,
     pcc_controller_state, pcc_robot_connect, pcc_robot_free, pcc_robot_state,
 };
@@ -25,6 +26,10 @@ pub use driver::{
     Driver, MotorTargets, pcc_driver_connect, pcc_driver_free, pcc_driver_next, pcc_driver_report,
 };
 pub use error::{ErrorKind, pcc_last_error, pcc_last_error_kind};
+pub use follower::{
+    FollowedCycle, Follower, pcc_follower_connect, pcc_follower_free, pcc_follower_next,
+    pcc_follower_report, pcc_follower_shut_down,
+};
 pub use goal::{
     GoalSender, pcc_goal_connect, pcc_goal_free, pcc_goal_give, pcc_goal_move, pcc_goal_status,
     pcc_goal_withdraw,

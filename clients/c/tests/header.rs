@@ -19,6 +19,7 @@ fn the_header_is_what_the_functions_say() {
         "scene",
         "goal",
         "driver",
+        "follower",
         "text",
     ];
     let builder = files.iter().fold(Builder::new(), |builder, file| {

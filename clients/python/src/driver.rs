@@ -51,18 +51,20 @@ impl Driver {
     /// Publishes what the motors did in this cycle: the measured lengths of the tendons, and whether the motors are in fault.
     #[pyo3(signature = (measured_m, *, fault=false))]
     fn report(&mut self, measured_m: TendonVector, fault: bool) {
-        let fault = if fault {
-            MotorFault::Motor
-        } else {
-            MotorFault::None
-        };
-        self.0.report(&measured_m, fault);
+        self.0.report(&measured_m, motor_fault(fault));
+    }
+}
+
+pub(crate) fn motor_fault(is_in_fault: bool) -> MotorFault {
+    match is_in_fault {
+        true => MotorFault::Motor,
+        false => MotorFault::None,
     }
 }
 
 /// What motors are to do in a cycle.
 #[pyclass(frozen, module = "pcc")]
-pub(crate) struct Targets(MotorTargets);
+pub(crate) struct Targets(pub(crate) MotorTargets);
 
 #[pymethods]
 impl Targets {

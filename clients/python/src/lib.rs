@@ -7,6 +7,7 @@ mod client;
 mod controller;
 mod driver;
 mod error;
+mod follower;
 mod goal;
 mod request;
 mod results;
@@ -24,6 +25,8 @@ fn pcc(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<controller::Controller>()?;
     module.add_class::<driver::Driver>()?;
     module.add_class::<driver::Targets>()?;
+    module.add_class::<follower::Cycle>()?;
+    module.add_class::<follower::Follower>()?;
     module.add_class::<goal::Goal>()?;
     module.add_class::<results::Results>()?;
     module.add_class::<scene::Scene>()?;

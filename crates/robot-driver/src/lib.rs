@@ -19,6 +19,7 @@
 //! ```
 
 mod config;
+mod driven_robot;
 mod driver;
 mod reference;
 mod setpoint;
@@ -26,6 +27,7 @@ mod shared_memory;
 mod tendon_vector;
 
 pub use config::{ConfigError, check_loop, robot_of};
+pub use driven_robot::DrivenRobot;
 pub use driver::{DriverSettings, RobotConnection, RobotDriver};
 pub use reference::{FAULT_SILENCE_NS, Reference};
 pub use setpoint::{Mode, MotorTargets, ReferenceLimits, Refusal, TendonState};

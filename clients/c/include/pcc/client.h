@@ -79,6 +79,11 @@ typedef struct PccControllerView PccControllerView;
 typedef struct PccDriver PccDriver;
 
 /*
+ The follower of trajectories; it has the controller's place.
+ */
+typedef struct PccFollower PccFollower;
+
+/*
  Gives the daemon a goal, moves it, and hears what becomes of it.
  */
 typedef struct PccGoalSender PccGoalSender;
@@ -119,6 +124,36 @@ typedef struct {
    */
   double acceleration_m_s2[9];
 } PccMotorTargets;
+
+/*
+ One cycle of a follower: what the motors are to do, and the configuration that is commanded.
+ */
+typedef struct {
+  /*
+   What the motors are to do.
+   */
+  PccMotorTargets targets;
+  /*
+   The configuration of the set-point, radians.
+   */
+  double configuration_rad[6];
+  /*
+   Radians a second.
+   */
+  double velocity_rad_s[6];
+  /*
+   Radians a second squared.
+   */
+  double acceleration_rad_s2[6];
+  /*
+   A `PccLoopState`.
+   */
+  uint32_t state;
+  /*
+   The trajectory being followed, 0 for none.
+   */
+  uint32_t trajectory_id;
+} PccFollowedCycle;
 
 #ifdef __cplusplus
 extern "C" {
@@ -345,6 +380,39 @@ int32_t pcc_driver_next(PccDriver *driver, PccMotorTargets *targets);
 int32_t pcc_driver_report(PccDriver *driver,
                           const double *measured_m,
                           uint32_t fault);
+
+/*
+ Takes the controller's place by a configuration file like `config/controller.toml`, with motors that stand at `position_m` (9 lengths of
+ the tendons relative to the straight robot, metres; null: all 0). Null where it fails, also where another controller is there.
+ */
+PccFollower *pcc_follower_connect(const char *prefix,
+                                  const char *root,
+                                  const char *config_file,
+                                  const double *position_m);
+
+/*
+ Leaves the controller's place, which is to be done at rest alone; nothing where the pointer is null.
+ */
+void pcc_follower_free(PccFollower *follower);
+
+/*
+ Waits for the next cycle and says what the motors are to do in it: 1; 0 where it was shut down and the robot is at rest; -1 where it fails.
+ */
+int32_t pcc_follower_next(PccFollower *follower,
+                          PccFollowedCycle *cycle);
+
+/*
+ Says what the motors did in this cycle: 9 measured lengths of the tendons relative to the straight robot, metres, and a `PccMotorFault`.
+ 0, or -1 where it fails.
+ */
+int32_t pcc_follower_report(PccFollower *follower,
+                            const double *measured_m,
+                            uint32_t fault);
+
+/*
+ Stops the robot along its path; go on with cycles until `pcc_follower_next` says 0. 0, or -1 where it fails.
+ */
+int32_t pcc_follower_shut_down(const PccFollower *follower);
 
 /*
  The text for people of a code, as in `pcc_text("Outcome", report->outcome)`; valid for ever. Null where there is no such set or code.

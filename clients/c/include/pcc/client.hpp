@@ -174,6 +174,29 @@ class Driver {
   detail::Owned<PccDriver, pcc_driver_free> driver_;
 };
 
+/// Follows the planner's trajectories in the controller's place, by a configuration file like config/controller.toml. Destroy it at rest alone.
+class Follower {
+ public:
+  /// Motors that stand at these lengths of their tendons relative to the straight robot, metres (null: 0).
+  explicit Follower(const char *config_file, const std::array<double, 9> *position_m = nullptr, Place place = {})
+      : follower_(detail::not_null(
+            pcc_follower_connect(place.prefix, place.root, config_file, position_m ? position_m->data() : nullptr))) {}
+  /// Waits for the next cycle; none once it was shut down and the robot is at rest.
+  std::optional<PccFollowedCycle> next() {
+    PccFollowedCycle cycle;
+    return detail::is_one(pcc_follower_next(follower_.get(), &cycle)) ? std::optional(cycle) : std::nullopt;
+  }
+  /// Says what the motors did in it.
+  void report(std::span<const double, 9> measured_m, PccMotorFault fault = PCC_MOTOR_FAULT_NONE) {
+    detail::is_one(pcc_follower_report(follower_.get(), measured_m.data(), fault));
+  }
+  /// Stops the robot along its path; go on with cycles until there is none.
+  void shut_down() { detail::is_one(pcc_follower_shut_down(follower_.get())); }
+
+ private:
+  detail::Owned<PccFollower, pcc_follower_free> follower_;
+};
+
 /// Publishes what one source knows of the obstacles. Destroying it is no leave.
 class Scene {
  public:

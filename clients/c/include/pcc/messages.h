@@ -251,6 +251,22 @@ typedef enum PccOutcome {
   PCC_OUTCOME_ROBOT_NOT_READY = 15,
 } PccOutcome;
 
+/* What a plan depends on beside its request, the daemon's configuration and its weights. */
+typedef enum PccPlanDependence {
+  /* Nothing: the same request has the same plan, bit for bit. */
+  PCC_PLAN_DEPENDENCE_NOTHING = 0,
+  /* It was answered without planning. */
+  PCC_PLAN_DEPENDENCE_NOT_PLANNED = 1,
+  /* On obstacles of the live scene. */
+  PCC_PLAN_DEPENDENCE_LIVE_SCENE = 2,
+  /* On the motion that it leaves, and when that could be left. */
+  PCC_PLAN_DEPENDENCE_MOTION = 3,
+  /* On the plan that it goes on from. */
+  PCC_PLAN_DEPENDENCE_EARLIER_PLAN = 4,
+  /* On how far planning had come when the time was over. */
+  PCC_PLAN_DEPENDENCE_DEADLINE = 5,
+} PccPlanDependence;
+
 /* A field of a plan request that can be wrong. */
 typedef enum PccPlanField {
   /* No field is wrong. */
@@ -748,6 +764,32 @@ PCC_ASSERT(offsetof(PccPlanReport, start) == 76);
 PCC_ASSERT(offsetof(PccPlanReport, stages_ns) == 80);
 PCC_ASSERT(offsetof(PccPlanReport, reason) == 144);
 PCC_ASSERT(offsetof(PccPlanReport, candidates) == 312);
+
+/* A client's request and its whole answer but for the knots (service `plan_record`). */
+typedef struct PccPlanRecord {
+  /* Number of the record among those of this daemon, from 1, without gaps. */
+  uint64_t sequence;
+  /* When it was answered, nanoseconds of `CLOCK_MONOTONIC`. */
+  int64_t stamp_mono_ns;
+  /* `Heartbeat::instance` of the daemon. */
+  uint64_t instance;
+  /* `PlanDependence`: what the plan depends on beside the request, as wide as the numbers that follow. */
+  uint64_t depends_on;
+  /* Where the plan begins, radians: the request's start, or where the robot was. */
+  double start_configuration_rad[6];
+  /* The request, as its sender's memory has it when it is answered. */
+  PccPlanRequest request;
+  /* What it was answered. */
+  PccPlanReport report;
+} PccPlanRecord;
+PCC_ASSERT(sizeof(PccPlanRecord) == 6976);
+PCC_ASSERT(offsetof(PccPlanRecord, sequence) == 0);
+PCC_ASSERT(offsetof(PccPlanRecord, stamp_mono_ns) == 8);
+PCC_ASSERT(offsetof(PccPlanRecord, instance) == 16);
+PCC_ASSERT(offsetof(PccPlanRecord, depends_on) == 24);
+PCC_ASSERT(offsetof(PccPlanRecord, start_configuration_rad) == 32);
+PCC_ASSERT(offsetof(PccPlanRecord, request) == 80);
+PCC_ASSERT(offsetof(PccPlanRecord, report) == 3080);
 
 /* What the controller is to execute (service `trajectory`, history 1). */
 typedef struct PccTrajectoryMessage {

@@ -1,0 +1,9 @@
+"""Follows the planner's motions in the controller's place, with motors that are at once where they are to be: follow.py CONTROLLER_FILE."""
+
+import sys
+
+import pcc
+
+follower = pcc.Follower(sys.argv[1])
+for cycle in follower:
+    follower.report(cycle.targets.position_m)

@@ -1,0 +1,213 @@
+//! What a loop does in each cycle, wherever its set-points go: motions, orders and stops of the other threads, the executive, the report.
+
+use std::sync::{Arc, atomic::Ordering};
+
+use shared_types::{
+    clock::mono_now_ns,
+    codes::CommandRefusal,
+    message::{RobotState, Setpoint},
+    valid::Signature,
+};
+
+use super::{
+    config::ControllerConfig,
+    link::{Answer, LoopEnd, NumberedOrder, Order, Outcome, Report, Return, Shared},
+    wire,
+};
+use crate::{
+    arena::LoopMemory,
+    executive::{
+        BeginWindow, CycleInput, CycleOutput, Executive, Motion, StopOrigin, TrajectoryRefusal,
+        check_still_valid,
+    },
+};
+
+/// Where a cycle's robot state comes from and its set-point goes.
+pub(super) trait RobotSide {
+    /// The newest state of the robot that has arrived since the last cycle.
+    fn newest_state(&mut self) -> Option<RobotState>;
+    /// Sends a set-point.
+    fn send(&mut self, setpoint: &Setpoint);
+}
+
+/// A loop's part of the controller: it follows trajectories, cycle by cycle.
+pub(super) struct LoopStep {
+    link: LoopEnd,
+    executive: Executive,
+    begin: BeginWindow,
+    sequence: u64,
+    setpoints_sent: u64,
+    stops_seen: u64,
+}
+
+impl LoopStep {
+    /// Follows nothing yet; to be called in the thread whose cycles these are.
+    pub(super) fn new(config: &ControllerConfig, link: LoopEnd) -> Self {
+        let thread_id = &link.shared.loop_thread_id;
+        thread_id.store(realtime::thread_id(), Ordering::Relaxed);
+        Self {
+            link,
+            executive: Executive::new(config.executive, &config.robot),
+            begin: config.begin,
+            sequence: 0,
+            setpoints_sent: 0,
+            stops_seen: 0,
+        }
+    }
+
+    /// What all threads share.
+    pub(super) fn shared(&self) -> &Arc<Shared> {
+        &self.link.shared
+    }
+
+    /// One cycle, which was to begin at `deadline_ns`.
+    pub(super) fn cycle(&mut self, deadline_ns: i64, robot: &mut impl RobotSide) -> CycleOutput {
+        let now_ns = mono_now_ns();
+        self.take_motions(now_ns);
+        self.take_orders();
+        self.take_stops();
+        self.refuse_due_motion(now_ns);
+        let message = robot.newest_state();
+        let sample = message.as_ref().and_then(wire::robot_sample);
+        let output = self.executive.step(&CycleInput {
+            now_ns,
+            robot: sample.as_ref(),
+            robot_state_invalid: message.is_some() && sample.is_none(),
+            daemon_alive: self.link.shared.daemon_alive.load(Ordering::Relaxed),
+            guard_rounds: self.link.shared.guard_rounds.load(Ordering::Relaxed),
+        });
+        self.link.shared.set_loop_state(output.state);
+        if output.send {
+            self.setpoints_sent += 1;
+            robot.send(&wire::setpoint(self.setpoints_sent, &output));
+        }
+        self.give_back();
+        self.report(output, (now_ns - deadline_ns).max(0).unsigned_abs());
+        output
+    }
+
+    /// Hands this cycle's report to the relay, which began so much after its deadline.
+    fn report(&mut self, output: CycleOutput, lateness_ns: u64) {
+        let shared = &self.link.shared;
+        self.sequence += 1;
+        shared.cycles.store(self.sequence, Ordering::Relaxed);
+        let report = Report {
+            sequence: self.sequence,
+            output,
+            lateness_ns,
+            setpoints_sent: self.setpoints_sent,
+            memory: LoopMemory::counts(),
+        };
+        if self.link.reports.push(report).is_err() {
+            shared.reports_lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    fn take_motions(&mut self, now_ns: i64) {
+        while let Ok(motion) = self.link.motions.pop() {
+            if let Err((reason, motion)) = self.take_motion(motion, now_ns) {
+                self.put_back(Return::Refused(reason, motion));
+            }
+        }
+    }
+
+    /// Takes a trajectory, once the checks are repeated whose outcome can have changed since the relay made them.
+    #[expect(
+        clippy::result_large_err,
+        reason = "the trajectory goes back by value: boxing it would allocate in the loop"
+    )]
+    fn take_motion(
+        &mut self,
+        motion: Motion,
+        now_ns: i64,
+    ) -> Result<(), (TrajectoryRefusal, Motion)> {
+        match check_still_valid(
+            &motion,
+            now_ns,
+            &self.link.shared.guard_state(),
+            &self.begin,
+        ) {
+            Ok(()) => self.executive.execute(motion),
+            Err(reason) => Err((reason, motion)),
+        }
+    }
+
+    /// Carries out orders that are still on offer; one that was withdrawn is skipped.
+    fn take_orders(&mut self) {
+        while let Ok(NumberedOrder { id, order }) = self.link.orders.pop() {
+            if !self.link.shared.offer.take(id) {
+                continue;
+            }
+            let result = match order {
+                Order::Reset(ordered) => self.executive.reset(ordered),
+                Order::Speed(speed) => self.executive.set_speed(speed),
+                Order::Pause => self.executive.pause(),
+                Order::Resume => self.executive.resume(),
+            };
+            let outcome = self.outcome(result);
+            self.answer(Answer::Order { id, outcome });
+            self.give_back();
+        }
+    }
+
+    /// Obeys stops, after trajectories and orders: a stop also ends a motion that arrived while the loop was held up.
+    fn take_stops(&mut self) {
+        let up_to = self.link.shared.stops();
+        if up_to == self.stops_seen {
+            return;
+        }
+        self.stops_seen = up_to;
+        let origin = self.take_stop_origin(up_to);
+        let result = self.executive.stop(origin);
+        let outcome = self.outcome(result);
+        self.answer(Answer::Stops { up_to, outcome });
+        self.give_back();
+    }
+
+    /// What has ordered the first of the stops up to this number that were not obeyed yet.
+    fn take_stop_origin(&mut self, up_to: u64) -> StopOrigin {
+        let mut first = None;
+        while let Ok(noted) = self.link.stop_origins.peek()
+            && noted.number <= up_to
+        {
+            first.get_or_insert(noted.origin);
+            let _ = self.link.stop_origins.pop();
+        }
+        // Where the ring was full.
+        first.unwrap_or(StopOrigin::Command(Signature::UNSIGNED))
+    }
+
+    /// Refuses a trajectory that is to begin now and is no longer valid: too late after a pause, or requested before a stop or reset.
+    fn refuse_due_motion(&mut self, now_ns: i64) {
+        let (guard, window) = (self.link.shared.guard_state(), self.begin.of_waiting());
+        let check = |motion: &Motion| check_still_valid(motion, now_ns, &guard, &window);
+        if let Some((reason, motion)) = self.executive.refuse_due(now_ns, check) {
+            self.put_back(Return::Refused(reason, motion));
+        }
+    }
+
+    fn outcome(&self, result: Result<(), CommandRefusal>) -> Outcome {
+        Outcome {
+            result,
+            state: self.executive.state(),
+        }
+    }
+
+    /// Sends an answer to the guard. The ring has room: the guard takes every answer before it orders again, and the answers to stops
+    /// that it does not wait for (a shutdown's) may be lost.
+    fn answer(&mut self, answer: Answer) {
+        let _ = self.link.answers.push(answer);
+    }
+
+    fn give_back(&mut self) {
+        while let Some(ended) = self.executive.take_finished() {
+            self.put_back(Return::Ended(ended));
+        }
+    }
+
+    /// Returns a trajectory to the relay; the ring has room for every trajectory in the process.
+    fn put_back(&mut self, motion: Return) {
+        let pushed = self.link.returns.push(motion);
+        debug_assert!(pushed.is_ok(), "the ring of trajectories is full");
+    }
+}
