@@ -5,17 +5,19 @@ use shared_types::PROTOCOL_VERSION;
 use shared_types::capacity::DOF;
 use shared_types::message::RobotDescription;
 
-/// Hashes of robot file and weights file, as in [`RobotDescription`].
+/// The daemon's instance number, and the hashes of robot file and weights file, as in [`RobotDescription`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Identity {
+    pub(crate) instance: u64,
     pub(crate) robot_hash: u64,
     pub(crate) weights_hash: u64,
 }
 
 impl Identity {
-    /// The description of the robot by this `instance` of the daemon, without a stamp; lengths in metres.
-    pub(crate) fn description(self, robot: &Robot, instance: u64) -> RobotDescription {
+    /// The description of the robot, without a stamp; lengths in metres.
+    pub(crate) fn description(self, robot: &Robot) -> RobotDescription {
         let Self {
+            instance,
             robot_hash,
             weights_hash,
         } = self;
@@ -53,10 +55,11 @@ mod tests {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/robots/unit.toml");
         let robot = Robot::from_file(&file).unwrap();
         let identity = Identity {
+            instance: 5,
             robot_hash: robot.hash(),
             weights_hash: 7,
         };
-        let described = identity.description(&robot, 5);
+        let described = identity.description(&robot);
         assert_eq!(described.robot_hash, robot.hash());
         assert_eq!((described.instance, described.weights_hash), (5, 7));
         assert_eq!(described.tendon_count as usize, robot.tendons.count());

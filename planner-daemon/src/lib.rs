@@ -28,5 +28,5 @@ mod fixtures;
 
 pub use execution::BackgroundError;
 pub use live_scene::SceneMemoryError;
-pub use requests::WaitMode;
+pub use requests::{PlannerKind, WaitMode};
 pub use startup::{Config, ConfigError, Daemon, StartError, termination_flag};

@@ -81,6 +81,13 @@ fn every_message_arrives_as_it_was_sent() {
         ..SceneMessage::ZEROED
     };
     scene.balls[MAX_SCENE_BALLS - 1].velocity_m_s[2] = -0.5;
+    round_trip(
+        plan_record_service,
+        PlanRecord {
+            sequence: 3,
+            ..PlanRecord::ZEROED
+        },
+    );
     round_trip(scene_service, scene);
     round_trip(
         scene_status_service,

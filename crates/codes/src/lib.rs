@@ -19,6 +19,7 @@ pub const SETS: &[CodeSet] = &[
     Outcome::SET,
     Stage::SET,
     PlanField::SET,
+    PlanDependence::SET,
     LoopState::SET,
     LoopFault::SET,
     Waiting::SET,

@@ -197,6 +197,25 @@ codes! {
 }
 
 codes! {
+    /// What a plan depends on beside its request, the daemon's configuration and its weights.
+    "plan dependence"
+    pub enum PlanDependence {
+        /// Nothing: the same request has the same plan, bit for bit.
+        Nothing = 0 "nothing else",
+        /// It was answered without planning.
+        NotPlanned = 1 "not planned",
+        /// On obstacles of the live scene.
+        LiveScene = 2 "the live scene",
+        /// On the motion that it leaves, and when that could be left.
+        Motion = 3 "the motion that it leaves",
+        /// On the plan that it goes on from.
+        EarlierPlan = 4 "an earlier plan",
+        /// On how far planning had come when the time was over.
+        Deadline = 5 "its deadline",
+    }
+}
+
+codes! {
     /// A field of a plan request that can be wrong.
     "plan field"
     pub enum PlanField {

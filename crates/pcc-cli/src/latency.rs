@@ -1,9 +1,11 @@
 //! `pcc latency`: how long plans take as a client sees it, under load that N clients make, beside the controller's loop.
 
+mod baselines;
 mod compare;
 mod load;
 mod loop_lateness;
 mod machine;
+mod plot;
 mod requests;
 mod summary;
 
@@ -15,6 +17,8 @@ use client::Client;
 use serde_json::json;
 use shared_types::ipc::IpcOptions;
 
+use self::baselines::Baselines;
+pub(crate) use self::baselines::{ServerArguments, serve};
 use self::load::{Load, Pace};
 use self::loop_lateness::LoopLateness;
 use self::machine::Machine;
@@ -53,9 +57,16 @@ pub(crate) struct Arguments {
     /// Write the figures as a JSON object.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Draw the distributions as an SVG picture, time by percentile.
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
     /// Write each request that counts: stamp before it was sent and after its answer was read, nanoseconds of CLOCK_MONOTONIC.
     #[arg(long, value_name = "FILE")]
     stamps: Option<PathBuf>,
+    /// Measure the transport, too: raw iceoryx2 and a Unix socket with the same payload, so many round trips of each in five windows. Of the
+    /// transport alone where the daemon has `planner = "null"`.
+    #[arg(long, value_name = "COUNT", value_parser = number::whole(1_u64, 1_000_000))]
+    baselines: Option<u64>,
     /// Compare with a file that `--json` wrote.
     #[arg(long, value_name = "FILE")]
     compare: Option<PathBuf>,
@@ -63,7 +74,8 @@ pub(crate) struct Arguments {
 
 /// Measures, and writes what was asked for; fails where no request had a candidate, and where the controller was lost meanwhile.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    for file in [&arguments.json, &arguments.stamps].into_iter().flatten() {
+    let written = [&arguments.json, &arguments.plot, &arguments.stamps];
+    for file in written.into_iter().flatten() {
         make_writable_for(file)?;
     }
     let before = arguments
@@ -94,10 +106,15 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let replies = load.run(&options)?;
     let summary = Summary::of(&replies, load.pace);
     let (machine, lateness) = (machine.figures(), lateness.figures()?);
+    let baselines = arguments
+        .baselines
+        .map(|count| Baselines::measure(&options, &load.asked[0], count));
+    let baselines = baselines.transpose()?;
     say!("{}", load.text());
     summary.show();
     lateness.show();
     machine.show();
+    baselines.iter().for_each(Baselines::show);
     if let Some(before) = &before {
         compare::show(before, &load.json(), &summary);
     }
@@ -106,6 +123,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         "plans": summary.json(),
         "controller_loop": lateness.json(),
         "machine": machine.json(),
+        "baselines": baselines.as_ref().map(Baselines::json),
     });
     if let Some(file) = &arguments.json {
         write_whole(file, &format!("{figures:#}\n"))?;
@@ -114,6 +132,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         write_whole(file, &load::stamps(&replies))?;
     }
     anyhow::ensure!(summary.planned() > 0, "no request had a candidate");
+    if let Some(file) = &arguments.plot {
+        write_whole(file, &plot::svg(&summary, &load.text())?)?;
+    }
     lateness.check()?;
     Ok(())
 }

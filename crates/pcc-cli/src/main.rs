@@ -20,6 +20,8 @@ mod order;
 mod output_files;
 mod plan;
 mod planner;
+mod record;
+mod replay;
 mod robot;
 mod sampler;
 mod scene;
@@ -68,6 +70,13 @@ enum Command {
     Services(services::Arguments),
     /// Measure how long plans take, in a closed loop or at a fixed rate of requests, and the controller's loop beside them.
     Latency(latency::Arguments),
+    /// Answer as `pcc latency --baselines` wants it.
+    #[command(hide = true)]
+    LatencyServer(latency::ServerArguments),
+    /// Record what the processes tell each other, and every request and answer, as an MCAP file.
+    Record(record::Arguments),
+    /// Ask the daemon again what a record says it was asked, or check recorded motions against a robot file.
+    Replay(replay::Arguments),
     /// Sign off sources of live scenes.
     Scene(scene::Arguments),
     /// Generate paths for training or evaluation, sharded and resumable.
@@ -110,6 +119,9 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Home(arguments) => home::run(&arguments),
         Command::Services(arguments) => services::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
+        Command::LatencyServer(arguments) => latency::serve(&arguments),
+        Command::Record(arguments) => record::run(&arguments),
+        Command::Replay(arguments) => replay::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::Dataset(arguments) => dataset::generate(&arguments),
         Command::Features(arguments) => features::run(&arguments),

@@ -136,7 +136,9 @@ impl Section {
 }
 
 impl Backbone {
-    pub(crate) fn new(lengths: &[f64; SECTIONS], configuration: &Configuration) -> Self {
+    /// The backbone of sections of these lengths in a configuration.
+    #[must_use]
+    pub fn new(lengths: &[f64; SECTIONS], configuration: &Configuration) -> Self {
         let base = Pose {
             rotation: Matrix3::identity(),
             position: Point::zeros(),

@@ -3,10 +3,10 @@
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::{LoanError, SendError};
-use pcc_model::UnitRobot;
+use pcc_model::{Configuration, UnitRobot};
 use planning::{Candidate, Failure, Plan, PlannerError, Source, select};
 use shared_types::PROTOCOL_VERSION;
-use shared_types::codes::{Outcome, Stage};
+use shared_types::codes::{Outcome, PlanDependence, Stage};
 use shared_types::ipc::PlanActiveRequest;
 use shared_types::message::{CandidateSummary, Knot, NONE_SELECTED, PlanReport, ReasonText};
 use shared_types::valid::{MAX_DURATION_S, SelectionRule};
@@ -24,6 +24,10 @@ pub(crate) struct Answer {
     pub(super) report: PlanReport,
     /// The candidates that are delivered.
     pub(super) candidates: Vec<Candidate>,
+    /// What the plan depends on beside its request.
+    pub(super) depends_on: PlanDependence,
+    /// Where it begins.
+    pub(super) start: Configuration,
 }
 
 /// Why an answer did not reach its client.
@@ -52,6 +56,8 @@ impl Answer {
         Self {
             report,
             candidates: Vec::new(),
+            depends_on: PlanDependence::NotPlanned,
+            start: Configuration::zeros(),
         }
     }
 
@@ -186,6 +192,18 @@ impl Answer {
         self.report.plan_id = plan_id;
         self.report.start = begin.motion_start().code();
         self.set_wait(wait);
+    }
+
+    /// Sets where the plan begins, and what it depends on beside its request: on its deadline, too, where that has cut it short.
+    pub(super) fn set_dependence(&mut self, depends_on: PlanDependence, start: Configuration) {
+        let is_cut_short = self.outcome() == Some(Outcome::Truncated);
+        let by_deadline = is_cut_short && depends_on == PlanDependence::Nothing;
+        self.depends_on = if by_deadline {
+            PlanDependence::Deadline
+        } else {
+            depends_on
+        };
+        self.start = start;
     }
 
     /// Sets how long its request waited in the queue.

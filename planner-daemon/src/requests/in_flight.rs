@@ -11,7 +11,7 @@ use super::lead_times::{PlanKind, Work, lead_of_the_same_work};
 use super::recent_plans::PlanBegin;
 use super::request_validator::PlanTask;
 use crate::execution::ExecutionRefusal;
-use shared_types::codes::Sampler;
+use shared_types::codes::{PlanDependence, Sampler};
 
 /// Time before the deadline at which planning ends, for the answer to be sent and received; at most half of the deadline.
 const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
@@ -72,6 +72,8 @@ pub(super) struct InFlight {
     pub(super) plan_id: u64,
     /// How its candidates begin.
     pub(super) begin: PlanBegin,
+    /// What its plan depends on beside its request.
+    pub(super) depends_on: PlanDependence,
     pub(super) attempt: Attempt,
     pub(super) cancelled: Arc<AtomicBool>,
     /// What became of the motion that was to be executed before the plan was complete.

@@ -8,9 +8,11 @@ mod goal_turn;
 mod idle_warm_up;
 mod in_flight;
 mod lead_times;
+mod plan_records;
 mod plan_runner;
 mod planned;
 mod planned_execution;
+mod planner_kind;
 mod planning_turn;
 mod recent_plans;
 mod refusal;
@@ -18,10 +20,12 @@ mod report;
 mod request_validator;
 mod robot_start;
 mod service;
+mod stored_plan;
 mod wait_mode;
 
 pub(crate) use lead_times::{LeadTimes, PlanKind, Work};
 pub(crate) use plan_runner::PlanRunner;
+pub use planner_kind::PlannerKind;
 pub(crate) use request_validator::RequestValidator;
 #[cfg(test)]
 pub(crate) use request_validator::{MostKnots, PlanTask};

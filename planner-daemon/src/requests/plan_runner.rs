@@ -17,6 +17,8 @@ use planning::{
 
 use super::idle_warm_up::IdleWarmUp;
 use super::planned::{Planned, guarded};
+use super::planner_kind::PlannerKind;
+use super::stored_plan::StoredPlan;
 use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
 
@@ -75,6 +77,8 @@ pub(crate) enum PlanOutput {
 /// The planner with its output queue; it is idle or runs one job.
 pub(crate) struct PlanRunner {
     planner: Arc<Planner>,
+    /// What answers in the planner's place, if anything does.
+    stored: Option<StoredPlan>,
     idle: IdleWarmUp,
     outgoing: OutputSender,
     outputs: Receiver<PlanOutput>,
@@ -99,13 +103,14 @@ impl OutputSender {
 impl PlanRunner {
     /// # Errors
     /// What the system says where there can be no more files.
-    pub(crate) fn new(planner: Arc<Planner>) -> io::Result<Self> {
+    pub(crate) fn new(planner: Arc<Planner>, kind: PlannerKind) -> io::Result<Self> {
         // Room for all outputs of a job (motions begin elsewhere twice at most), so that a worker never waits.
         let (outgoing, outputs) = sync_channel(5);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
             idle: IdleWarmUp::new(Arc::clone(&planner)),
             planner,
+            stored: (kind == PlannerKind::Null).then(StoredPlan::default),
             outgoing: OutputSender {
                 outputs: outgoing,
                 wake: Arc::new(wake),
@@ -124,8 +129,13 @@ impl PlanRunner {
         let has_via = !job.via.is_empty();
         self.idle.give_way(&job.problem, &job.request, has_via);
         let (planner, outgoing) = (Arc::clone(&self.planner), self.outgoing.clone());
+        let stored = self.stored.clone();
         self.planner.spawn(move || {
-            let planned = plan(&planner, &job, &outgoing);
+            let plan = || plan(&planner, &job, &outgoing);
+            let planned = match stored {
+                Some(stored) => stored.get_or_store(&job.request, plan),
+                None => plan(),
+            };
             outgoing.send(PlanOutput::Plan(planned));
         });
     }
@@ -205,7 +215,7 @@ mod tests {
 
     fn planning() -> PlanRunner {
         let planner = Planner::new(unit_robot(), Models::default(), 1).unwrap();
-        PlanRunner::new(Arc::new(planner)).unwrap()
+        PlanRunner::new(Arc::new(planner), PlannerKind::Pcc).unwrap()
     }
 
     fn next(planning: &PlanRunner) -> PlanOutput {

@@ -19,7 +19,10 @@ impl Service {
         if !is_open(active) {
             return;
         }
-        let named = check_requested(asked.requested_mono_ns, mono_now_ns())
+        let named = self
+            .validator
+            .check_executes()
+            .and_then(|()| check_requested(asked.requested_mono_ns, mono_now_ns()))
             .and_then(|()| self.plans.candidate(&asked.plan));
         let (plan, index) = match named {
             Ok(named) => named,

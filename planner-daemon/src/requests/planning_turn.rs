@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use collision::SceneError;
 use planning::{Candidate, Problem};
 use shared_types::clock::{mono_now_ns, seconds};
-use shared_types::codes::{Outcome, PlanField};
+use shared_types::codes::{Outcome, PlanDependence, PlanField};
 
 use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
@@ -15,6 +15,7 @@ use super::in_flight::{Attempt, EarlyExecution, InFlight, Queued};
 use super::lead_times::{PlanKind, TO_THE_LOOP, Work};
 use super::plan_runner::{Early, Job, LateBegin, LateSwitch, PlanOutput};
 use super::planned::Planned;
+use super::planner_kind::PlannerKind;
 use super::recent_plans::{KeptCandidate, KeptPlan, PlanBegin};
 use super::refusal::Refusal;
 use super::request_validator::PlanTask;
@@ -95,6 +96,7 @@ impl Service {
             _ => None,
         };
         let cancelled = Arc::new(AtomicBool::new(false));
+        let depends_on = self.dependence(&begin, &queued.task, &problem);
         self.runner.begin(Job {
             problem,
             via: queued.task.whole_via(),
@@ -114,6 +116,7 @@ impl Service {
             waited,
             plan_id,
             begin,
+            depends_on,
             attempt,
             cancelled,
             executed: None,
@@ -171,6 +174,23 @@ impl Service {
         })
     }
 
+    /// What a plan depends on beside its request.
+    fn dependence(
+        &self,
+        begin: &PlanBegin,
+        task: &PlanTask,
+        problem: &Arc<Problem>,
+    ) -> PlanDependence {
+        match begin {
+            _ if self.validator.planner == PlannerKind::Null => PlanDependence::NotPlanned,
+            PlanBegin::AtSwitch(_) => PlanDependence::Motion,
+            _ if task.request.previous.is_some() => PlanDependence::EarlierPlan,
+            // With an obstacle of the live scene it is another problem than the request's.
+            _ if !Arc::ptr_eq(problem, &task.problem) => PlanDependence::LiveScene,
+            _ => PlanDependence::Nothing,
+        }
+    }
+
     fn early(&self, task: &PlanTask) -> Option<Early> {
         let (count, task, robot) = (task.early?, task.clone(), self.runner.robot().clone());
         Some(Early {
@@ -221,6 +241,10 @@ impl Service {
             self.lead_times.note(kind, took);
         }
         if let Some(switch) = begin.switch {
+            if begin.to_be_done.is_known() {
+                let plan_id = in_flight.plan_id;
+                tracing::info!("plan {plan_id}: its switch was too near, another is chosen");
+            }
             in_flight.begin = PlanBegin::AtSwitch(switch);
             in_flight.begin_chosen = begin.chosen;
             in_flight.kind = kind.map(|kind| PlanKind { work, ..kind });
@@ -265,6 +289,7 @@ impl Service {
             (planned, _) => Answer::of_plan(task, planned, robot),
         };
         answer.set_plan(plan_id, &in_flight.begin, in_flight.waited);
+        answer.set_dependence(in_flight.depends_on, task.problem.start);
         let published = match in_flight.executed.take() {
             Some(executed) => {
                 answer.select_draw(executed.candidate.draw);

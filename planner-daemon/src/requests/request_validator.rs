@@ -15,6 +15,7 @@ use shared_types::ipc::PlanServiceCapacity;
 use shared_types::valid::{self, PlanRequest, SelectionRule};
 use trajectory::STOPPING_KNOTS;
 
+use super::planner_kind::PlannerKind;
 use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
 use crate::tip_tolerance::tip_tolerance;
@@ -32,6 +33,8 @@ pub(crate) struct RequestValidator {
     pub(crate) padding: [f64; SECTIONS],
     /// Obstacles of every request, in units of the section length.
     pub(crate) static_scene: Scene,
+    /// What answers.
+    pub(crate) planner: PlannerKind,
 }
 
 /// A validated request in the planner's units.
@@ -132,6 +135,9 @@ impl RequestValidator {
             );
             return Err(Refusal::field(PlanField::CandidateCount, reason));
         }
+        if asked.execute {
+            self.check_executes()?;
+        }
         let previous = asked.previous.map(|p| plans.previous(&p)).transpose()?;
         let requested_mono_ns = asked.requested_mono_ns.filter(|_| asked.execute);
         requested_mono_ns.map_or(Ok(()), |at| check_requested(at, mono_now_ns()))?;
@@ -146,12 +152,26 @@ impl RequestValidator {
             ahead: Vec::new(),
             appends: asked.start == StartKind::AfterGoals,
             deadline: asked.deadline.unwrap_or(self.default_deadline),
-            tip_tolerance: tip_tolerance(&asked.goal, &self.robot),
+            tip_tolerance: match self.planner {
+                PlannerKind::Pcc => tip_tolerance(&asked.goal, &self.robot),
+                PlannerKind::Null => f64::INFINITY,
+            },
             selection: asked.selection,
             requested_mono_ns,
             begin_mono_ns: asked.begin_mono_ns,
             early: asked.early_candidate_count,
         })
+    }
+
+    /// Refuses execution by the planner `null`, whose motions answer another request.
+    pub(super) fn check_executes(&self) -> Result<(), Refusal> {
+        match self.planner {
+            PlannerKind::Pcc => Ok(()),
+            PlannerKind::Null => Err(Refusal::field(
+                PlanField::Execute,
+                "this daemon's planner is \"null\": its motions are those of another request; only execute = nothing is allowed",
+            )),
+        }
     }
 
     fn problem(&self, asked: &PlanRequest) -> Result<Problem, Refusal> {
@@ -247,6 +267,7 @@ mod tests {
             default_deadline: Duration::from_millis(20),
             padding: [0.0225; SECTIONS],
             static_scene: Scene::default(),
+            planner: PlannerKind::Pcc,
         }
     }
 

@@ -21,6 +21,7 @@ use super::fair_queue::FairQueue;
 use super::goal_exchange::GoalExchange;
 use super::in_flight::{Attempt, InFlight, Queued};
 use super::lead_times::LeadTimes;
+use super::plan_records::PlanRecords;
 use super::plan_runner::PlanRunner;
 use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
@@ -51,6 +52,7 @@ pub(crate) struct Service {
     pub(super) deferred: Option<(Queued, Attempt)>,
     pub(super) lead_times: LeadTimes,
     identity: Identity,
+    records: PlanRecords,
     pub(super) plans: RecentPlans,
     pub(super) next_plan_id: u64,
     pub(super) goal: GoalExchange,
@@ -89,6 +91,7 @@ impl Service {
             in_flight: None,
             deferred: None,
             lead_times,
+            records: PlanRecords::open(node, identity.instance)?,
             identity,
             plans: RecentPlans::default(),
             // Larger than the ids of every earlier daemon since the machine was booted.
@@ -284,6 +287,9 @@ impl Service {
         }
         if let Err(error) = self.answered.notify() {
             tracing::error!("who waits for the answer finds it only some ms later: {error:?}");
+        }
+        if answer.outcome() != Some(Outcome::Early) {
+            self.records.publish(active.payload(), answer);
         }
     }
 

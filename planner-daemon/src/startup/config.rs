@@ -12,7 +12,7 @@ use shared_types::capacity::{MAX_CANDIDATES, MAX_KNOTS};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::valid::LEAST_PATH_TOLERANCE_RAD;
 
-use crate::requests::WaitMode;
+use crate::requests::{PlannerKind, WaitMode};
 
 /// Why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +47,7 @@ input_files::settings_file! {
     }
     defaults {
         live_scene: LiveSceneConfig = LiveSceneConfig::default(),
+        planner: PlannerKind = PlannerKind::Pcc,
         threads: usize = 2,
         candidates: usize = 16,
         knots_per_candidate: usize = 96,
@@ -127,6 +128,8 @@ pub struct Config {
     pub scene: Option<PathBuf>,
     /// Whether execution needs a live scene of at least one source.
     pub scene_expected: bool,
+    /// What answers requests.
+    pub planner: PlannerKind,
     /// Worker threads that plan.
     pub threads: usize,
     /// What the plan service holds.
@@ -228,6 +231,7 @@ impl File {
             diffusion: self.diffusion,
             scene: self.scene.map(|scene| folder.join(scene.file)),
             scene_expected: self.live_scene.expected,
+            planner: self.planner,
             threads: self.threads,
             capacity: PlanServiceCapacity {
                 clients: self.clients,

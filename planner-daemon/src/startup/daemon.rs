@@ -23,7 +23,7 @@ use super::process;
 use super::warm_up::warm_up;
 use crate::execution::{BackgroundError, BackgroundThreads, Execution, ExecutionRules};
 use crate::identity::Identity;
-use crate::requests::{LeadTimes, PlanRunner, RequestValidator, Service};
+use crate::requests::{LeadTimes, PlanRunner, PlannerKind, RequestValidator, Service};
 
 /// Time slice of a planning thread: threads that ask for shorter ones preempt it when they wake.
 const PLANNING_TIME_SLICE: Duration = Duration::from_millis(6);
@@ -133,19 +133,19 @@ impl Daemon {
         let priority = granted_priority(config);
         let (planner, weights_hash) = load_planner(config, &robot, priority)?;
         let identity = Identity {
+            // No other daemon of this machine was started then.
+            instance: mono_now_ns().unsigned_abs(),
             robot_hash: robot.hash(),
             weights_hash,
         };
         lock_memory(config);
         let lead_times = warm_up(&planner, config).map_err(|source| not_served(config, source))?;
         let node = IpcNode::create(options, "planner-daemon")?;
-        // No other daemon of this machine was started then.
-        let instance = mono_now_ns().unsigned_abs();
         let supervision_rounds = Arc::<AtomicU64>::default();
         let execution = Execution::start(
             options,
             execution_rules(config, &planner, &robot, identity),
-            instance,
+            identity.instance,
             &supervision_rounds,
             priority.map(|planning| planning + 2),
         )?;
@@ -153,7 +153,7 @@ impl Daemon {
         // The heart beats before requests are served: what is requested before a controller hears this daemon is refused by it.
         let background = BackgroundThreads::start(
             options,
-            identity.description(&robot, instance),
+            identity.description(&robot),
             &supervision_rounds,
             service_priority,
         )?;
@@ -199,6 +199,11 @@ fn announce(config: &Config, robot: &Robot, [shared_bytes, resident_bytes]: [usi
         config.capacity.knots_per_candidate,
         config.capacity.clients
     );
+    if config.planner == PlannerKind::Null {
+        tracing::warn!(
+            "planner = \"null\": one plan answers every request, and nothing is executed"
+        );
+    }
     tracing::info!(
         "shared memory {:.1} of {:.1} MB, resident memory {:.1} of {:.1} MB",
         megabytes(shared_bytes),
@@ -395,8 +400,9 @@ fn open_service(
         default_deadline: config.default_deadline,
         padding: tracking_padding(planner.robot(), config.path_tolerance_rad),
         static_scene,
+        planner: config.planner,
     };
-    let runner = PlanRunner::new(Arc::new(planner))?;
+    let runner = PlanRunner::new(Arc::new(planner), config.planner)?;
     let (wait, queued) = (config.wait, config.queued_per_client);
     Ok(Service::open(
         node,

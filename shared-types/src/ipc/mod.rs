@@ -53,6 +53,7 @@ pub use topic::{
     Publisher, Subscriber, TOPICS, Topic, TopicDescription, TopicSettings,
     controller_state_service, cycle_publisher, cycle_service, goal_service, goal_status_service,
     guest_publisher, guest_subscriber, heartbeat_service, motion_result_service, newest,
-    observer_subscriber, publisher, robot_description_service, robot_state_service, scene_service,
-    scene_status_service, setpoint_service, subscriber, trajectory_service,
+    observer_subscriber, plan_record_service, publisher, robot_description_service,
+    robot_state_service, scene_service, scene_status_service, setpoint_service, subscriber,
+    trajectory_service,
 };

@@ -17,8 +17,9 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use super::opening::{NODES, open_service};
 use super::{IpcError, IpcNode};
 use crate::message::{
-    ControllerState, Cycle, GoalStatus, Heartbeat, Layout, MotionResult, Payload, RobotDescription,
-    RobotState, SceneMessage, SceneStatus, Setpoint, StandingGoal, TrajectoryMessage,
+    ControllerState, Cycle, GoalStatus, Heartbeat, Layout, MotionResult, Payload, PlanRecord,
+    RobotDescription, RobotState, SceneMessage, SceneStatus, Setpoint, StandingGoal,
+    TrajectoryMessage,
 };
 
 /// Most cycles in one batch of the service `cycle`: 16 ms at 4 kHz.
@@ -173,6 +174,15 @@ pub(super) const GOAL_STATUS: TopicSettings = TopicSettings {
     buffer: 32,
     ..ROBOT_STATE
 };
+/// `plan_record`: one publisher; the buffer holds 64 ms of a thousand plans a second.
+pub(super) const PLAN_RECORD: TopicSettings = TopicSettings {
+    name: "plan_record",
+    from: "planner-daemon",
+    subscribers: 4,
+    reserved_subscribers: 0,
+    buffer: 64,
+    ..ONE_PUBLISHER
+};
 /// `robot_description`: one publisher; who comes late gets the last one.
 pub(super) const ROBOT_DESCRIPTION: TopicSettings = TopicSettings {
     name: "robot_description",
@@ -289,6 +299,8 @@ topic_functions! {
     goal_service: StandingGoal = GOAL, "Where the daemon is to keep the robot; the newest one counts.";
     /// Opens `goal_status`.
     goal_status_service: GoalStatus = GOAL_STATUS, "What becomes of that goal, at each change and every 100 ms.";
+    /// Opens `plan_record`.
+    plan_record_service: PlanRecord = PLAN_RECORD, "What the daemon was asked for and has answered, once each.";
     /// Opens `robot_description`.
     robot_description_service: RobotDescription = ROBOT_DESCRIPTION, "Which robot the daemon plans for, and by which weights, each second.";
     /// Opens `heartbeat`.

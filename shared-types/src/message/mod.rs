@@ -7,6 +7,7 @@ mod controller_state;
 mod heartbeat;
 mod motion_result;
 mod plan;
+mod plan_record;
 mod reason;
 mod robot_description;
 mod robot_state;
@@ -21,6 +22,7 @@ pub use controller_state::{ControllerState, Cycle};
 pub use heartbeat::Heartbeat;
 pub use motion_result::MotionResult;
 pub use plan::{Ball, CandidateSummary, Goal, NONE_SELECTED, PlanReport, PlanRequest};
+pub use plan_record::PlanRecord;
 pub use reason::ReasonText;
 pub use robot_description::RobotDescription;
 pub use robot_state::RobotState;
@@ -39,6 +41,7 @@ pub const LAYOUTS: &[Layout] = &[
     PlanRequest::LAYOUT,
     CandidateSummary::LAYOUT,
     PlanReport::LAYOUT,
+    PlanRecord::LAYOUT,
     TrajectoryMessage::LAYOUT,
     Setpoint::LAYOUT,
     RobotDescription::LAYOUT,

@@ -73,7 +73,7 @@ macro_rules! wire_message {
     ) => {
         $(#[doc = $doc])*
         #[repr(C)]
-        #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+        #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend, bytemuck::Pod, bytemuck::Zeroable)]
         #[type_name($type_name)]
         pub struct $name { $( $(#[doc = $field_doc])* pub $field: $field_type, )* }
 

@@ -67,6 +67,11 @@ fn stolen_s() -> Option<f64> {
 }
 
 impl Figures {
+    /// Share of the processors' time that the host took, where the system says.
+    pub(super) fn stolen_share(&self) -> Option<f64> {
+        self.stolen_share
+    }
+
     pub(super) fn show(&self) {
         let stolen = self.stolen_share.map_or("unknown".to_owned(), |share| {
             format!("{:.2} %", 100.0 * share)

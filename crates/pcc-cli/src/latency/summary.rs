@@ -83,6 +83,19 @@ impl Summary {
         self.times.first().map_or(0, |(_, times)| times.len())
     }
 
+    /// The distributions with the largest means, at most so many, in the order in which they are shown.
+    pub(super) fn longest(
+        &self,
+        count: usize,
+    ) -> impl Iterator<Item = (&'static str, &Histogram<u64>)> {
+        let mut means: Vec<f64> = self.times.iter().map(|(_, times)| times.mean()).collect();
+        means.sort_by(f64::total_cmp);
+        let least = means.get(means.len().saturating_sub(count)).copied();
+        let least = least.unwrap_or(0.0);
+        let longest = self.times.iter().filter(move |(_, it)| it.mean() >= least);
+        longest.map(|(name, times)| (*name, times)).take(count)
+    }
+
     /// Percentiles of each distribution, ms.
     pub(super) fn percentiles_ms(&self) -> impl Iterator<Item = (&'static str, [f64; 5])> {
         self.times.iter().map(|(name, times)| {
@@ -172,6 +185,10 @@ mod tests {
         assert!((median(ROUND_TRIP) - 1.0).abs() < 1e-3);
         assert!((median(DELAY) - 0.1).abs() < 1e-4);
         assert!((median(TRANSPORT) - 0.5).abs() < 1e-3);
+        let longest: Vec<_> = summary.longest(2).map(|(name, _)| name).collect();
+        assert_eq!(longest, [ROUND_TRIP, TRANSPORT]);
+        let picture = super::super::plot::svg(&summary, "plans").unwrap();
+        assert!(picture.contains(ROUND_TRIP) && picture.contains("polyline"));
         assert_eq!(summary.outcomes["no daemon"], 1);
         assert_eq!(summary.outcomes[&Outcome::Overloaded.to_string()], 1);
         assert_eq!(summary.outcomes[&Outcome::Ok.to_string()], 99);

@@ -1,0 +1,34 @@
+//! `pcc replay`: asks a daemon again what a record says it was asked, and checks recorded motions against a robot file.
+
+mod motions;
+mod plans;
+mod recording;
+
+use std::path::PathBuf;
+
+use clap::Args;
+use pcc_model::Robot;
+use shared_types::ipc::IpcOptions;
+
+use self::recording::Recording;
+
+/// Arguments of `pcc replay`.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// A file that `pcc record` wrote.
+    file: PathBuf,
+    /// Check the recorded motions and set-points against this robot file, and ask no daemon.
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let recording = Recording::read(&arguments.file)?;
+    if let Some(error) = &recording.cut_off {
+        say!("the file ends early ({error}); what comes before is replayed");
+    }
+    match &arguments.robot {
+        Some(file) => motions::check(&recording, &Robot::from_file(file)?),
+        None => plans::ask_again(&recording, &IpcOptions::from_env()),
+    }
+}

@@ -1,0 +1,71 @@
+//! What a file of `pcc record` tells that can be replayed.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use bytemuck::Pod;
+use mcap::read::{MessageStream, Options};
+use shared_types::message::{Cycle, Payload, PlanRecord, RobotDescription, TrajectoryMessage};
+
+use crate::record::ENCODING;
+
+/// What is replayed of a record.
+#[derive(Default)]
+pub(super) struct Recording {
+    pub(super) robots: Vec<RobotDescription>,
+    pub(super) plans: Vec<PlanRecord>,
+    pub(super) trajectories: Vec<TrajectoryMessage>,
+    pub(super) cycles: Vec<Cycle>,
+    /// Why the file ends before its end, if it does.
+    pub(super) cut_off: Option<String>,
+}
+
+impl Recording {
+    pub(super) fn read(file: &Path) -> anyhow::Result<Self> {
+        let bytes = fs::read(file).with_context(|| file.display().to_string())?;
+        let messages = MessageStream::new_with_options(&bytes, Options::IgnoreEndMagic.into());
+        let messages = messages.with_context(|| format!("{} is no MCAP file", file.display()))?;
+        let mut recording = Self::default();
+        for message in messages {
+            let message = match message {
+                Ok(message) => message,
+                // What a recorder that was killed had written is whole up to here.
+                Err(error) => {
+                    recording.cut_off = Some(error.to_string());
+                    break;
+                }
+            };
+            if message.channel.message_encoding != ENCODING {
+                continue;
+            }
+            let of = message
+                .channel
+                .schema
+                .as_ref()
+                .map(|schema| schema.name.as_str());
+            match (message.channel.topic.as_str(), of) {
+                ("plan_record", of) => recording.plans.push(read(&message.data, of)?),
+                ("robot_description", of) => recording.robots.push(read(&message.data, of)?),
+                ("trajectory", of) => recording.trajectories.push(read(&message.data, of)?),
+                ("cycle", of) => recording.cycles.push(read(&message.data, of)?),
+                _ => {}
+            }
+        }
+        Ok(recording)
+    }
+}
+
+/// A message from its bytes.
+fn read<T: Pod + Payload>(bytes: &[u8], type_name: Option<&str>) -> anyhow::Result<T> {
+    let expected = T::LAYOUT.type_name;
+    if type_name != Some(expected) || bytes.len() != size_of::<T>() {
+        bail!(
+            "the record has {} of {} bytes; this program reads {expected} of {} bytes",
+            type_name.unwrap_or("messages without a type"),
+            bytes.len(),
+            size_of::<T>()
+        );
+    }
+    Ok(bytemuck::pod_read_unaligned(bytes))
+}
