@@ -59,6 +59,8 @@ pub struct Verdict {
     pub velocity: f64,
     /// Largest acceleration of a set-point over the limit.
     pub acceleration: f64,
+    /// Largest |Δacceleration| ÷ (jerk limit × Δt) between two successive set-points of a loop that follows a motion.
+    pub jerk: f64,
     /// Steps from set-point to set-point, over pauses, too.
     pub sent: StepUse,
     /// Steps from the robot's reference to the first set-point of a controller that takes hold of it.
@@ -155,9 +157,27 @@ impl Judge {
                 verdict.last_unheard -= self.unheard.saturating_sub(before.sequence);
             }
             self.unheard = 0;
+            self.look_at_jerk(&before, now);
             self.look_at_step(&before, now);
         }
         self.known.push_back(*now);
+    }
+
+    fn look_at_jerk(&mut self, before: &Setpoint, now: &Setpoint) {
+        let executing = LoopState::Executing.code();
+        let is_next = now.sequence == before.sequence + 1;
+        if before.state != executing || now.state != executing || !is_next {
+            return;
+        }
+        let elapsed_s = (now.stamp_mono_ns - before.stamp_mono_ns) as f64 * 1e-9;
+        let changes = now.acceleration_m_s2.iter().zip(before.acceleration_m_s2);
+        let largest_change = changes
+            .map(|(now, before)| (now - before).abs())
+            .fold(0.0, f64::max);
+        raise(
+            &mut self.verdict.jerk,
+            largest_change / (self.limits.jerk * elapsed_s),
+        );
     }
 
     /// A set-point goes on from the one before, or, where the controller takes hold of a robot anew, from the robot's reference: of

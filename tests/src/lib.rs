@@ -35,6 +35,7 @@ pub mod replans;
 pub mod retries;
 pub mod rounds;
 pub mod servo_bank;
+pub mod servo_stack;
 pub mod shortest_stop;
 pub mod stack;
 pub mod stalled_output;

@@ -98,6 +98,8 @@ const BENDING_ROUNDING_RAD: f64 = 1e-6;
 /// What stopping first costs.
 #[derive(Clone, Copy, Debug)]
 pub struct StopThenGo {
+    /// Whether a faster motion was left out, which bends further than a joined one may.
+    pub leaves_out_faster: bool,
     /// A lower bound of every stop within the limits: the time in which the slowest tendon can come to rest, s.
     pub least_stop_s: f64,
     /// The stop straight ahead that the planner knows, s.
@@ -147,10 +149,12 @@ pub fn stop_then_go(
             .collect();
         largest_bending_rad(&knots) <= bending_limit_rad
     };
+    let duration_s = |candidate: Candidate| candidate.summary.duration_s;
     let within = answer.candidates().filter(bends_within);
-    let durations = within.map(|candidate| candidate.summary.duration_s);
-    let fastest = durations.fold(f64::INFINITY, f64::min);
+    let fastest = within.map(duration_s).fold(f64::INFINITY, f64::min);
+    let fastest_of_all = answer.candidates().map(duration_s);
     Ok(StopThenGo {
+        leaves_out_faster: fastest_of_all.fold(f64::INFINITY, f64::min) < fastest,
         least_stop_s: least_stop_of_tendons_s(&stack.world.robot, state),
         stop_ahead_s: stop.duration(),
         rates: [velocity, acceleration],

@@ -155,6 +155,12 @@ impl ServoBank {
         }
     }
 
+    /// Takes the power of all servos and gives it back.
+    pub fn reboot(&self) {
+        let mut bank = lock(&self.bank);
+        bank.servos.iter_mut().for_each(Servo::lose_power);
+    }
+
     /// Where the motors are, pulses.
     #[must_use]
     pub fn positions(&self) -> [f64; SERVOS] {

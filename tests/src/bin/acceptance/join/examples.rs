@@ -6,7 +6,7 @@ use std::time::Duration;
 use anyhow::{Context, ensure};
 use client::ScenePublisher;
 use shared_types::codes::LoopState;
-use shared_types::valid::{Goal, PlanRequest};
+use shared_types::valid::{ControllerState, Goal, PlanRequest};
 use tests::process::{Process, TimedOut, wait_for};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
@@ -16,7 +16,7 @@ use crate::report::Report;
 /// A tip that the unit robot reaches from rest.
 pub(super) const TIP_M: [f64; 3] = [1.0, 0.5, 2.3];
 /// How long an example may take that ends by itself.
-pub(super) const LIMIT: Duration = Duration::from_secs(30);
+const LIMIT: Duration = Duration::from_secs(30);
 
 /// An example by its name, without its ending.
 pub(super) struct Program {
@@ -66,6 +66,9 @@ impl Examples {
         });
         report.group(&group("drive motors"), self.command, |report| {
             self.drive(report)
+        });
+        report.group(&group("follow trajectories"), self.command, |report| {
+            self.follow(report)
         });
         report.group(&group("lines of each example"), self.command, |report| {
             self.lines(report)
@@ -178,19 +181,42 @@ impl Examples {
         let mut stack = Stack::new(&Settings::default());
         stack.start(Part::Daemon);
         stack.start(Part::Controller);
-        stack.client.wait_for_daemon(PATIENCE)?;
-        (self.program)("plan")?;
-        let robot_file = stack.world.config("robots/unit.toml");
-        let mut driver = self.start(&stack.world, "drive", &[&robot_file.display().to_string()])?;
-        wait_until_held(&mut stack).with_context(|| driver.log())?;
-        let planned = self.plan(&stack.world)?;
-        self.is_reached(report, "a motion by a driver", &planned);
-        let state = stack.controller_state();
+        let state = self.moves(report, &mut stack, "drive", "robots/unit.toml")?;
         let measured_rad = &state.values.measured_configuration_rad;
         let error = tests::stack::tip_error(&stack.world.robot, measured_rad, &TIP_M);
         report.at_most(&self.line("tip error as measured, m"), error, 0.03);
-        driver.kill9();
         Ok(())
+    }
+
+    /// A controller in ours' place, with motors of its own.
+    fn follow(&self, report: &mut Report) -> anyhow::Result<()> {
+        let mut stack = Stack::new(&Settings::default());
+        stack.start(Part::Daemon);
+        let state = self.moves(report, &mut stack, "follow", "controller.toml")?;
+        let commanded_rad = &state.values.commanded_configuration_rad;
+        let error = tests::stack::tip_error(&stack.world.robot, commanded_rad, &TIP_M);
+        report.at_most(&self.line("tip error as commanded, m"), error, 0.01);
+        Ok(())
+    }
+
+    /// An example moves the robot to a tip, by a file of the configuration; what the controller says then.
+    fn moves(
+        &self,
+        report: &mut Report,
+        stack: &mut Stack,
+        name: &str,
+        file: &str,
+    ) -> anyhow::Result<ControllerState> {
+        stack.client.wait_for_daemon(PATIENCE)?;
+        (self.program)("plan")?;
+        let file = stack.world.config(file).display().to_string();
+        let mut process = self.start(&stack.world, name, &[&file])?;
+        wait_until_held(stack).with_context(|| process.log())?;
+        let planned = self.plan(&stack.world).with_context(|| process.log())?;
+        self.is_reached(report, &format!("a motion by {name}"), &planned);
+        let state = stack.controller_state();
+        process.kill9();
+        Ok(state)
     }
 
     fn lines(&self, report: &mut Report) -> anyhow::Result<()> {

@@ -84,22 +84,28 @@ pub(super) fn python() -> Examples {
 }
 
 /// A Python with the module as it is now.
-fn python_client() -> anyhow::Result<PathBuf> {
+pub(super) fn python_client() -> anyhow::Result<PathBuf> {
     static BUILT: Mutex<Option<PathBuf>> = Mutex::new(None);
     let mut built = BUILT.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(python) = built.as_ref() {
         return Ok(python.clone());
     }
-    let python = environment("venv-pcc", "maturin and NumPy", |pip| {
-        pip.args(["maturin>=1.9,<2", "numpy>=1.26"]);
+    let python = with_module("venv-pcc", &[])?;
+    *built = Some(python.clone());
+    Ok(python)
+}
+
+/// A Python in `target/` with these packages and the module as it is now.
+pub(super) fn with_module(folder: &str, packages: &[&str]) -> anyhow::Result<PathBuf> {
+    let of_module = ["maturin>=1.9,<2", "numpy>=1.26"];
+    let python = environment(folder, "what the module needs", |pip| {
+        pip.args(of_module).args(packages);
     })?;
-    let of_module = ["--no-build-isolation", "--no-deps", "--force-reinstall"];
     run(Command::new(&python)
         .args(["-m", "pip", "install", "--quiet"])
-        .args(of_module)
+        .args(["--no-build-isolation", "--no-deps", "--force-reinstall"])
         .arg("clients/python")
         .env("PATH", with_folder_of(&python)?))?;
-    *built = Some(python.clone());
     Ok(python)
 }
 

@@ -1,19 +1,34 @@
 //! Other programs joined to the processes: by the wire alone, in other languages.
 
+mod client_kills;
 mod examples;
 mod languages;
 mod plain_python;
+mod python;
+mod records;
+mod servo_faults;
 mod servos;
+mod transport;
 
+use self::examples::Examples;
 use crate::report::Report;
 use crate::scale::Scale;
 
 /// The suite's groups, in this order.
 pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
-    |report, _| languages::rust().run(report),
-    |report, _| languages::c().run(report),
-    |report, _| languages::cpp().run(report),
-    |report, _| languages::python().run(report),
-    |report, _| plain_python::run(report),
+    |report, scale| of_language(&languages::rust(), report, scale),
+    |report, scale| of_language(&languages::c(), report, scale),
+    |report, scale| of_language(&languages::cpp(), report, scale),
+    |report, scale| of_language(&languages::python(), report, scale),
+    plain_python::run,
     servos::run,
+    |report, _| servo_faults::run(report),
+    transport::run,
+    python::run,
+    records::run,
 ];
+
+fn of_language(examples: &Examples, report: &mut Report, scale: Scale) {
+    examples.run(report);
+    client_kills::run(examples, report, scale);
+}

@@ -1,16 +1,17 @@
 //! Every service joined, and each part played, from Python with iceoryx2's own bindings and what `wire.json` says.
 
-use anyhow::Context;
 use shared_types::ipc::{EVENTS, TOPICS};
 use tests::programs::repository;
-use tests::stack::{PATIENCE, Part, Stack};
+use tests::stack::Stack;
 use tests::world::Settings;
 
-use super::examples::{Examples, Program, TIP_M, wait_until_held};
+use super::client_kills;
+use super::examples::{Examples, Program};
 use crate::paper_python::python_with;
 use crate::report::Report;
+use crate::scale::Scale;
 
-pub(super) fn run(report: &mut Report) {
+pub(super) fn run(report: &mut Report, scale: Scale) {
     let examples = examples();
     let group = |part: &str| format!("{}: {part}", examples.language);
     let command = examples.command;
@@ -18,11 +19,9 @@ pub(super) fn run(report: &mut Report) {
         every_service(&examples, report)
     });
     examples.run(report);
+    client_kills::run(&examples, report, scale);
     report.group(&group("verdicts on scenes"), command, |report| {
         verdicts(&examples, report)
-    });
-    report.group(&group("follow trajectories"), command, |report| {
-        follow(&examples, report)
     });
 }
 
@@ -104,27 +103,5 @@ fn verdicts(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
         "> 20",
         count > 20,
     );
-    Ok(())
-}
-
-/// A controller in Python in ours' place.
-fn follow(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
-    let mut stack = Stack::new(&Settings::default());
-    stack.start(Part::Daemon);
-    stack.client.wait_for_daemon(PATIENCE)?;
-    let mut follower = examples.start(&stack.world, "follow", &[])?;
-    wait_until_held(&mut stack).with_context(|| follower.log())?;
-    let planned = examples
-        .plan(&stack.world)
-        .with_context(|| follower.log())?;
-    examples.is_reached(report, "a motion followed by a controller", &planned);
-    let state = stack.controller.latest_state()?.context("no state")?;
-    let error = tests::stack::tip_error(
-        &stack.world.robot,
-        &state.values.commanded_configuration_rad,
-        &TIP_M,
-    );
-    report.at_most("plain Python: tip error as commanded, m", error, 0.01);
-    follower.kill9();
     Ok(())
 }

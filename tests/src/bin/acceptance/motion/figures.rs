@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use pcc_model::{Robot, TendonLimits};
 use shared_types::capacity::STAGES;
-use shared_types::codes::{LoopState, Stage};
+use shared_types::codes::{LoopState, MotionOutcome, Stage};
 use shared_types::message::Cycle;
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::judge::Verdict;
@@ -76,6 +76,12 @@ pub(super) struct Figures {
     pub(super) began_at_rest: usize,
     /// Motions that came too late for their switch and were planned again, as the daemon's log tells.
     pub(super) made_again: Vec<String>,
+    /// Switches that were too near once the fastest motion was known, and chosen again before it was published, as the daemon's log tells.
+    pub(super) chosen_again: usize,
+    /// Ends of begun joined motions other than reached or joined by another.
+    pub(super) ended_otherwise: Vec<String>,
+    /// References of which faster motions were left out, since they bend further than a joined motion may.
+    pub(super) references_left_out: usize,
     /// Largest difference at a switch, rad, rad/s, rad/s².
     pub(super) discontinuity: [f64; 3],
     limits_of_file: [f64; 3],
@@ -172,6 +178,7 @@ impl Figures {
                 continue;
             };
             self.switched += 1;
+            self.note_end(motion.id, heard);
             let ms = |from_ns: i64, to_ns: i64| (to_ns - from_ns) as f64 * 1e-6;
             let switch_ns = motion.begin_mono_ns;
             if let Some((at, mono_ns)) = asked {
@@ -189,6 +196,19 @@ impl Figures {
             .collect();
         let executed = body.least_clearance(&setpoints, |_| balls).at_least_m();
         lower(&mut self.clearance_m[1], executed);
+    }
+
+    /// Notes how a begun motion ended where that is not as it was asked for.
+    fn note_end(&mut self, id: u32, heard: &Heard) {
+        let result = heard.results.iter().find(|it| it.trajectory_id == id);
+        let outcome = result.and_then(|it| MotionOutcome::try_from(it.outcome).ok());
+        if !matches!(
+            outcome,
+            Some(MotionOutcome::Reached | MotionOutcome::Joined)
+        ) {
+            let outcome = outcome.map_or("no result", MotionOutcome::text);
+            self.ended_otherwise.push(format!("{id}: {outcome}"));
+        }
     }
 
     fn look_at_motion(

@@ -1,6 +1,6 @@
 //! Replans at random instants: continuity, limits, contacts, and what they win over stopping first.
 
-use tests::judge::SENT_USE;
+use tests::judge::{ALLOWED_USE, SENT_USE};
 use tests::world::{Settings, shipped};
 
 use super::figures::{Figures, is_later};
@@ -36,17 +36,41 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
 /// The lines of a population.
 pub(super) fn show(report: &mut Report, name: &str, figures: &Figures) {
     let line = |what: &str| format!("replans, {name}: {what}");
+    what_was_asked(report, &line, figures);
+    let name = line("set-points: jerk by differences ÷ limit, while motions are followed");
+    report.at_most(&name, figures.sent.jerk, ALLOWED_USE);
+    report.none_of(
+        &line("joined motions that ended otherwise than reached or joined by another"),
+        &figures.ended_otherwise,
+    );
+    show_curves(report, &line, figures);
+    wins(
+        report,
+        &line(
+            "time won over a stop at the switch and the fastest of ten motions to the same goal configuration",
+        ),
+        figures,
+    );
+}
+
+/// The population, and that every request of it is accounted for.
+pub(super) fn what_was_asked(
+    report: &mut Report,
+    line: &dyn Fn(&str) -> String,
+    figures: &Figures,
+) {
     let counts = format!(
         "{} requests found the robot in motion, by the cycle at that time, of {} in all (ten candidates, deadline 1 s; tips of configurations with \
          room; the next one after no time to the whole motion); {} motions joined another, {} of them were begun, {} began at rest, since it had \
-         come to rest meanwhile; {} were planned again for a missed switch; refused in motion: {:?}; refused at rest: {:?}; {} scenes in which the \
-         robot had room, of {} drawn",
+         come to rest meanwhile; {} were planned again for a missed switch, of {} the switch was chosen again before they were published; \
+         refused in motion: {:?}; refused at rest: {:?}; {} scenes in which the robot had room, of {} drawn",
         figures.in_motion,
         figures.requests,
         figures.joined,
         figures.switched,
         figures.began_at_rest,
         figures.made_again.len(),
+        figures.chosen_again,
         figures.refusals,
         figures.refused_at_rest,
         figures.scenes,
@@ -66,14 +90,6 @@ pub(super) fn show(report: &mut Report, name: &str, figures: &Figures) {
         account,
         "all, each published motion heard",
         figures.in_motion == refused + in_motion.count() && figures.unheard == 0,
-    );
-    show_curves(report, &line, figures);
-    wins(
-        report,
-        &line(
-            "time won over a stop at the switch and the fastest of ten motions to the same goal configuration",
-        ),
-        figures,
     );
 }
 
@@ -134,11 +150,13 @@ fn wins(report: &mut Report, name: &str, figures: &Figures) {
     };
     let later = won.iter().filter(|won| is_later(won)).count();
     let figure = format!(
-        "median {:.3}, p10 {:.3}, p90 {:.3} of the shortest stop, by the time in which the slowest tendon can come to rest, which is a lower \
+        "median {:.3}, p10 {:.3}, p90 {:.3} of the shortest stop (of {} references faster motions were left out, which bend further than a joined one \
+         may), by the time in which the slowest tendon can come to rest, which is a lower \
          bound, and by a linear program where that is too short; by the planner's own stop straight ahead median {:.3}; {} compared, {} begun at rest or not at all and {refused} refused count 0",
         at(0.5),
         at(0.1),
         at(0.9),
+        figures.references_left_out,
         median(&figures.won_ahead),
         figures.won_ahead.len(),
         figures.won.len() - figures.won_ahead.len(),

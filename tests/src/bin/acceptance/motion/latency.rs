@@ -5,6 +5,7 @@ use std::time::Instant;
 use tests::world::Settings;
 
 use super::figures::{Figures, quantile};
+use super::joins::what_was_asked;
 use super::replan_run::{Population, run as replan};
 use crate::report::Report;
 use crate::scale::Scale;
@@ -66,6 +67,7 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
         .map(|part| window(part, stolen))
         .collect();
     let line = |what: &str| format!("replans, general scenes, ten candidates: {what}");
+    what_was_asked(report, &line, figures);
     for (index, window) in windows.iter().enumerate() {
         report.shown(
             &line(&format!("window {index}, goal to first set-point")),

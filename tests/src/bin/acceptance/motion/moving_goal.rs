@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use client::GoalSender;
+use shared_types::capacity::DOF;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::LoopState;
 use shared_types::message::Cycle;
@@ -28,6 +29,9 @@ const PERIOD: Duration = Duration::from_millis(10);
 const EVERY: usize = 5;
 /// How far the goal moves before the arm that stops to replan does, m.
 const STOPS_AFTER_M: f64 = 0.1;
+
+/// From here all arms go to where the target begins, so that they begin there in the same configuration.
+const STRAIGHT: [f64; DOF] = [0.0; DOF];
 
 /// How a robot follows the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,8 +105,9 @@ fn way_on_circle(target: &MovingTarget, elapsed_s: f64, ahead_s: f64) -> [f64; 3
 
 /// What one arm did.
 struct Followed {
-    /// Mean distance of the tip to the target, m.
+    /// Mean distance of the tip to the target, and the largest one, m.
     mean_error_m: f64,
+    largest_error_m: f64,
     /// Motions begun.
     motions: u64,
     /// What was sent to the robot.
@@ -113,10 +118,13 @@ impl Followed {
     fn text(&self) -> String {
         let Self {
             mean_error_m,
+            largest_error_m,
             motions,
             ..
         } = self;
-        format!("mean tip error {mean_error_m:.4} m in {motions} motions")
+        format!(
+            "mean tip error {mean_error_m:.4} m (largest {largest_error_m:.3} m) in {motions} motions"
+        )
     }
 }
 
@@ -168,11 +176,14 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
-/// Begins at rest where the target is, and follows it.
+/// Begins at rest where the target is, in the configuration that all arms begin in, and follows it.
 fn follow(stack: &mut Stack, arm: Arm, target: &MovingTarget) -> anyhow::Result<Followed> {
     let body = stack.world.body();
-    wait_until_held(stack)?;
-    stack.move_tip(target.at(0.0))?;
+    for goal in [Goal::Configuration(STRAIGHT), Goal::tip(target.at(0.0))] {
+        wait_until_held(stack)?;
+        let id = stack.begin_motion(goal)?;
+        stack.wait_for_end(id)?;
+    }
     wait_until_held(stack)?;
     let listener = Listener::start(&stack.world.options);
     let (begun, begun_ns) = (Instant::now(), mono_now_ns());
@@ -184,8 +195,10 @@ fn follow(stack: &mut Stack, arm: Arm, target: &MovingTarget) -> anyhow::Result<
     let heard = listener.take();
     let mut judge = Judge::new(stack.world.robot.tendon_limits);
     judge.look(&heard);
+    let errors_m = errors_m(&body, &heard.cycles, target, begun_ns);
     Ok(Followed {
-        mean_error_m: mean_error_m(&body, &heard.cycles, target, begun_ns),
+        mean_error_m: errors_m.iter().sum::<f64>() / errors_m.len() as f64,
+        largest_error_m: errors_m.iter().copied().fold(0.0, f64::max),
         motions,
         sent: judge.verdict().clone(),
     })
@@ -263,9 +276,9 @@ fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
     squares.sum::<f64>().sqrt()
 }
 
-/// Mean distance of the commanded tip to the target from the first goal until the target rests, m.
-fn mean_error_m(body: &Body, cycles: &[Cycle], target: &MovingTarget, begun_ns: i64) -> f64 {
-    let errors: Vec<f64> = cycles
+/// Distances of the commanded tip to the target from the first goal until the target rests, m.
+fn errors_m(body: &Body, cycles: &[Cycle], target: &MovingTarget, begun_ns: i64) -> Vec<f64> {
+    cycles
         .iter()
         .step_by(EVERY)
         .map(|cycle| ((cycle.stamp_mono_ns - begun_ns) as f64 * 1e-9, cycle))
@@ -274,6 +287,5 @@ fn mean_error_m(body: &Body, cycles: &[Cycle], target: &MovingTarget, begun_ns: 
             let configuration = body.explain(&cycle.setpoint_m).configuration;
             apart(body.tip(&configuration), target.at(elapsed_s))
         })
-        .collect();
-    errors.iter().sum::<f64>() / errors.len() as f64
+        .collect()
 }

@@ -79,6 +79,8 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
         .filter_map(|line| line.split("is made again: ").nth(1));
     let missed = made_again.filter(|why| why.starts_with("switch missed"));
     figures.made_again = missed.map(str::to_owned).collect();
+    let is_chosen_again = |line: &&str| line.contains("its switch was too near");
+    figures.chosen_again = log.lines().filter(is_chosen_again).count();
     figures.sent = judge.verdict().clone();
     Ok(figures)
 }
@@ -187,6 +189,7 @@ fn references(
             continue;
         };
         let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
+        figures.references_left_out += usize::from(reference.leaves_out_faster);
         if figures.compare(&stack.world.robot, motion, &reference, is_truncated) {
             keep_later(motion, &reference, scene, seed)?;
         }

@@ -1,0 +1,193 @@
+//! What the client for Python costs beside that for Rust, and that its views of an answer are safe.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Lines, Write};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, ensure};
+use client::Client;
+use shared_types::valid::{Goal, PlanRequest};
+use tests::programs::repository;
+use tests::stack::{PATIENCE, Part, Stack};
+use tests::world::{Settings, World};
+
+use super::examples::TIP_M;
+use super::languages::{python_client, with_module};
+use crate::report::Report;
+use crate::scale::Scale;
+use crate::spread::median;
+
+/// Windows in which both clients ask in turn.
+const WINDOWS: usize = 5;
+/// Plans a second while memory is looked at.
+const RATE: u32 = 100;
+/// Growth of memory that is none, kB: a page of an allocator's here and there.
+const FLAT_KB: u64 = 512;
+
+pub(super) fn run(report: &mut Report, scale: Scale) {
+    let command = "tests/src/bin/acceptance/join/plans.py";
+    report.group("Python: round trips", command, |report| {
+        round_trips(report, scale)
+    });
+    report.group("Python: views and memory", command, |report| {
+        views_and_memory(report, scale)
+    });
+    report.group(
+        "Python: notebook",
+        "clients/python/examples/tour.ipynb",
+        notebook,
+    );
+}
+
+/// A Python that asks for plans when it is told to.
+struct Plans {
+    process: Child,
+    input: ChildStdin,
+    output: Lines<BufReader<ChildStdout>>,
+}
+
+impl Plans {
+    fn start(world: &World) -> anyhow::Result<Self> {
+        let script = repository().join("tests/src/bin/acceptance/join/plans.py");
+        let mut process = Command::new(python_client()?)
+            .arg(script)
+            .args(TIP_M.map(|axis| axis.to_string()))
+            .env("PCC_PREFIX", &world.options.prefix)
+            .env("PCC_ROOT", &world.options.root)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()?;
+        let input = process.stdin.take().context("no input")?;
+        let output = process.stdout.take().context("no output")?;
+        Ok(Self {
+            process,
+            input,
+            output: BufReader::new(output).lines(),
+        })
+    }
+
+    /// What it answers to a line.
+    fn say(&mut self, line: &str) -> anyhow::Result<String> {
+        writeln!(self.input, "{line}")?;
+        self.input.flush()?;
+        Ok(self.output.next().context("it has ended")??)
+    }
+
+    fn resident_kb(&self) -> anyhow::Result<u64> {
+        let status = fs::read_to_string(format!("/proc/{}/status", self.process.id()))?;
+        let line = status
+            .lines()
+            .find_map(|line| line.strip_prefix("RssAnon:"));
+        let number = line.and_then(|line| line.split_whitespace().next());
+        Ok(number.context("no RssAnon")?.parse()?)
+    }
+}
+
+impl Drop for Plans {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn daemon() -> anyhow::Result<Stack> {
+    let mut stack = Stack::new(&Settings::default());
+    stack.start(Part::Daemon);
+    stack.client.wait_for_daemon(PATIENCE)?;
+    Ok(stack)
+}
+
+fn round_trips(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let mut stack = daemon()?;
+    let count = scale.pick(400, 4_000);
+    let mut python = Plans::start(&stack.world)?;
+    let mut ratios = Vec::new();
+    for window in 0..WINDOWS {
+        let of_rust_ms = median_ms(&mut stack.client, count)?;
+        let of_python_ms: f64 = python.say(&format!("plans {count}"))?.parse()?;
+        ratios.push(of_python_ms / of_rust_ms);
+        report.shown(
+            &format!("Python: window {window}, median round trips of Rust and Python"),
+            format!("{of_rust_ms:.4} and {of_python_ms:.4} ms"),
+        );
+    }
+    let line = format!(
+        "Python: round trip ÷ Rust's, with events, medians of {count}, median of five windows"
+    );
+    report.at_most(&line, median(&ratios), 1.15);
+    Ok(())
+}
+
+/// The median of round trips of the request that Python makes.
+fn median_ms(client: &mut Client, count: usize) -> anyhow::Result<f64> {
+    let request = PlanRequest {
+        candidate_count: 10,
+        ..PlanRequest::new([0.0; 6], Goal::tip(TIP_M))
+    };
+    let mut times_ms = Vec::new();
+    for _ in 0..count {
+        let begun = Instant::now();
+        let answer = client.plan(&request, PATIENCE)?;
+        times_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+        ensure!(
+            !answer.report().candidates.is_empty(),
+            "{}",
+            answer.report()
+        );
+    }
+    Ok(median(&times_ms))
+}
+
+fn views_and_memory(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let stack = daemon()?;
+    let mut python = Plans::start(&stack.world)?;
+    let told = python.say("views")?;
+    let safe = told == "the same numbers after 100 more plans";
+    let line = "Python: a view whose answer and client are gone";
+    report.check(line, told, "the same numbers after 100 more plans", safe);
+    let lasts = Duration::from_secs(scale.pick(60, 3_600));
+    let mut memory_kb = Vec::new();
+    let rounds = 6;
+    for _ in 0..=rounds {
+        let count = RATE * lasts.as_secs() as u32 / rounds;
+        python.say(&format!("paced {count} {RATE}"))?;
+        memory_kb.push(python.resident_kb()?);
+    }
+    let grown_kb = memory_kb[rounds as usize].saturating_sub(memory_kb[0]);
+    report.shown(
+        "Python: resident memory of its own, kB",
+        format!("{memory_kb:?}"),
+    );
+    let line = format!(
+        "Python: growth of its memory in {} s of {RATE} plans a second, kB",
+        lasts.as_secs()
+    );
+    report.at_most(&line, grown_kb as f64, FLAT_KB as f64);
+    Ok(())
+}
+
+/// Every cell of the notebook, on the running processes.
+fn notebook(report: &mut Report) -> anyhow::Result<()> {
+    let stack = Stack::running(&Settings::default())?;
+    let python = with_module("venv-notebook", &["nbclient>=0.10,<1", "ipykernel>=6,<8"])?;
+    let run = "import nbformat, nbclient, sys; notebook = nbformat.read(sys.argv[1], 4); \
+               nbclient.NotebookClient(notebook, timeout=60).execute(); \
+               print(sum(cell.cell_type == 'code' and cell.execution_count is not None for cell in notebook.cells))";
+    let done = Command::new(python)
+        .args(["-c", run])
+        .arg(repository().join("clients/python/examples/tour.ipynb"))
+        .env("PCC_PREFIX", &stack.world.options.prefix)
+        .env("PCC_ROOT", &stack.world.options.root)
+        .output()?;
+    let said = String::from_utf8_lossy(&done.stdout).trim().to_owned();
+    let error = String::from_utf8_lossy(&done.stderr);
+    let figure = if done.status.success() {
+        said.clone()
+    } else {
+        error.lines().last().unwrap_or_default().to_owned()
+    };
+    let all = done.status.success() && said == "5";
+    report.check("Python: cells of the notebook that ran", figure, "5", all);
+    Ok(())
+}

@@ -1,0 +1,231 @@
+//! Records: requests asked again are answered the same, what is missing is noticed, and what a killed recorder wrote can be read.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use anyhow::{Context, ensure};
+use mcap::Writer;
+use mcap::read::MessageStream;
+use shared_types::valid::{Goal, PlanRequest};
+use tests::process::{Process, wait_for};
+use tests::programs::repository;
+use tests::stack::{PATIENCE, Stack};
+use tests::world::Settings;
+
+use super::examples::TIP_M;
+use crate::paper_python::environment;
+use crate::report::Report;
+use crate::scale::Scale;
+
+/// How long a program may take to record or to replay.
+const LIMIT: Duration = Duration::from_secs(600);
+/// Time in which a recorder has written what came before.
+const WRITTEN: Duration = Duration::from_millis(600);
+
+pub(super) fn run(report: &mut Report, scale: Scale) {
+    report.group("records", "pcc record FILE; pcc replay FILE", |report| {
+        records(report, scale)
+    });
+}
+
+fn records(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let mut stack = Stack::running(&Settings::default())?;
+    let whole = stack.world.folder().join("whole.mcap");
+    let requests = scale.pick("1000", "10000");
+    record(report, &mut stack, &whole, requests)?;
+    replayed(report, &stack, &whole, requests.parse()?)?;
+    dropped(report, &stack, &whole)?;
+    let killed = killed(report, &mut stack)?;
+    for (name, file) in [("whole", &whole), ("of a killed recorder", &killed)] {
+        let counts = counted_by_another_reader(file)?;
+        let plans = counts.get("plan_record").copied().unwrap_or_default();
+        let line = format!(
+            "records: a file {name}, as the MCAP reader of another project reads it: plans"
+        );
+        report.check(
+            &line,
+            format!("{plans} of {counts:?}"),
+            "> 0",
+            plans > 0 && counts.contains_key("/picture"),
+        );
+    }
+    Ok(())
+}
+
+/// Records so many requests of another program, and a motion.
+fn record(
+    report: &mut Report,
+    stack: &mut Stack,
+    whole: &Path,
+    requests: &str,
+) -> anyhow::Result<()> {
+    let mut recorder = start_recorder(stack, whole)?;
+    let mut asking = Process::start(
+        &stack.world,
+        "pcc",
+        &["latency", "--requests", requests, "--warm-up", "0"],
+    );
+    let status = asking.wait(LIMIT)?;
+    ensure!(status.success(), "pcc latency: {}", asking.log());
+    let moving = PlanRequest {
+        candidate_count: 10,
+        execute: true,
+        ..PlanRequest::from_robot(Goal::tip(TIP_M))
+    };
+    let id = stack.try_motion(&moving)?;
+    stack.wait_for_end(id)?;
+    std::thread::sleep(WRITTEN);
+    let status = recorder.sigterm(PATIENCE)?;
+    report.check(
+        "records: the recorder's end",
+        format!("{status}: {}", last_line(&recorder.log())),
+        "success",
+        status.success(),
+    );
+    Ok(())
+}
+
+fn replayed(report: &mut Report, stack: &Stack, whole: &Path, all: usize) -> anyhow::Result<()> {
+    let told = replay(stack, whole, &[])?;
+    report.shown("records: replayed", told.text.replace('\n', "; "));
+    let same = told.first_number();
+    // The motion's plan begins at the rest of the robot, which the record tells.
+    report.check(
+        "records: plans asked again that are the same, bit for bit",
+        same.to_string(),
+        &format!(">= {all}"),
+        told.succeeded && same >= all,
+    );
+    let robot_file = stack.world.config("robots/unit.toml").display().to_string();
+    let told = replay(stack, whole, &["--robot", &robot_file])?;
+    report.check(
+        "records: motions and set-points against the robot file",
+        told.text.replace('\n', "; "),
+        "they fit",
+        told.succeeded,
+    );
+    Ok(())
+}
+
+/// A record without one of its messages is not replayed.
+fn dropped(report: &mut Report, stack: &Stack, whole: &Path) -> anyhow::Result<()> {
+    let dropped = stack.world.folder().join("dropped.mcap");
+    without_one_plan(whole, &dropped)?;
+    let told = replay(stack, &dropped, &[])?;
+    let is_named = !told.succeeded && told.text.contains("missing");
+    report.check(
+        "records: a record with one message dropped",
+        last_line(&told.text),
+        "refused by name",
+        is_named,
+    );
+    Ok(())
+}
+
+/// The file of a recorder that is killed is replayed; its path.
+fn killed(report: &mut Report, stack: &mut Stack) -> anyhow::Result<PathBuf> {
+    let killed = stack.world.folder().join("killed.mcap");
+    let mut recorder = start_recorder(stack, &killed)?;
+    let request = PlanRequest {
+        candidate_count: 10,
+        ignores_live_scene: true,
+        ..PlanRequest::new([0.0; 6], Goal::tip(TIP_M))
+    };
+    for _ in 0..50 {
+        stack.client.plan(&request, PATIENCE)?;
+    }
+    std::thread::sleep(WRITTEN);
+    recorder.kill9();
+    let told = replay(stack, &killed, &[])?;
+    report.check(
+        "records: plans of a recorder that was killed",
+        told.text.replace('\n', "; "),
+        "50 the same",
+        told.succeeded && told.first_number() == 50,
+    );
+    Ok(killed)
+}
+
+fn start_recorder(stack: &Stack, file: &Path) -> anyhow::Result<Process> {
+    let name = file.display().to_string();
+    let recorder = Process::start(&stack.world, "pcc", &["record", &name]);
+    wait_for("a recorder that records", PATIENCE, || {
+        recorder.log().contains("recording into").then_some(())
+    })?;
+    Ok(recorder)
+}
+
+/// What `pcc replay` said.
+struct Told {
+    text: String,
+    succeeded: bool,
+}
+
+impl Told {
+    fn first_number(&self) -> usize {
+        let mut numbers = self
+            .text
+            .lines()
+            .filter_map(|line| line.split(' ').next()?.parse().ok());
+        numbers.next().unwrap_or(0)
+    }
+}
+
+fn replay(stack: &Stack, file: &Path, arguments: &[&str]) -> anyhow::Result<Told> {
+    let name = file.display().to_string();
+    let all = [&["replay", &name], arguments].concat();
+    let mut process = Process::start(&stack.world, "pcc", &all);
+    let succeeded = process.wait(LIMIT)?.success();
+    Ok(Told {
+        text: process.log().trim().to_owned(),
+        succeeded,
+    })
+}
+
+fn last_line(text: &str) -> String {
+    text.lines().last().unwrap_or_default().to_owned()
+}
+
+/// A copy of a file without the plan in the middle.
+fn without_one_plan(from: &Path, to: &Path) -> anyhow::Result<()> {
+    let bytes = fs::read(from)?;
+    let is_plan = |message: &mcap::Message| message.channel.topic == "plan_record";
+    let messages: Result<Vec<_>, _> = MessageStream::new(&bytes)?.collect();
+    let messages = messages?;
+    let plans = messages.iter().filter(|it| is_plan(it)).count();
+    let mut writer = Writer::new(BufWriter::new(File::create(to)?))?;
+    let mut seen = 0;
+    for message in &messages {
+        seen += usize::from(is_plan(message));
+        if !is_plan(message) || seen != plans / 2 {
+            writer.write(message)?;
+        }
+    }
+    writer.finish()?;
+    Ok(())
+}
+
+/// Messages by topic, as the reader of the package `mcap` of PyPI has them.
+fn counted_by_another_reader(file: &Path) -> anyhow::Result<BTreeMap<String, usize>> {
+    let python: PathBuf = environment("venv-mcap", "mcap", |pip| {
+        pip.args(["mcap>=1.2,<2"]);
+    })?;
+    let script = repository().join("tests/src/bin/acceptance/join/count_messages.py");
+    let done = Command::new(python).arg(script).arg(file).output()?;
+    ensure!(
+        done.status.success(),
+        "{}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+    let text = String::from_utf8(done.stdout)?;
+    let of_line = |line: &str| {
+        let (topic, count) = line.split_once(' ')?;
+        Some((topic.to_owned(), count.parse().ok()?))
+    };
+    let counts = text.lines().map(of_line).collect::<Option<_>>();
+    counts.with_context(|| text.clone())
+}
