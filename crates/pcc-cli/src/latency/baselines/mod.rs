@@ -29,8 +29,9 @@ use super::machine::Machine;
 
 /// Windows in which all transports are measured in turn.
 const WINDOWS: usize = 5;
-/// Round trips of a transport in a window before those that count.
-const WARM_UP: u64 = 50;
+/// Round trips of a transport before it is another one's turn, and those before them, which do not count.
+const TURN: u64 = 100;
+const WARM_UP: u64 = 10;
 /// Times beyond this count as this, ns.
 const LONGEST_NS: u64 = 10_000_000_000;
 /// How long an answer may be in coming.
@@ -48,6 +49,9 @@ const PERCENTILES: [(&str, f64); 3] = [("p50", 50.0), ("p90", 90.0), ("p99", 99.
 /// Round trips of a transport, ns.
 type Times = Histogram<u64>;
 
+/// Asks, and reads the whole answer; its sum.
+type RoundTrip<'a> = &'a mut dyn FnMut() -> anyhow::Result<u64>;
+
 /// One window.
 struct Window {
     times: Vec<Times>,
@@ -62,7 +66,7 @@ pub(super) struct Baselines {
 }
 
 impl Baselines {
-    /// Measures `requests` round trips of each transport in each window, of one request.
+    /// Measures `requests` round trips (a multiple of [`TURN`], or the next one) of each transport in each window, of one request, in turns.
     ///
     /// # Errors
     /// Where the daemon does not answer with candidates, a server does not start, or an answer is not whole.
@@ -88,18 +92,24 @@ impl Baselines {
         let mut windows = Vec::new();
         for _ in 0..WINDOWS {
             let machine = Machine::watch();
-            let mut arms: [&mut dyn FnMut() -> anyhow::Result<u64>; 4] = [
+            let mut round_trips: [RoundTrip; TRANSPORTS.len()] = [
                 &mut || read_answer(&daemon.plan(request, PATIENCE)?),
                 &mut || handed_over.round_trip(PATIENCE),
                 &mut || raw.round_trip(PATIENCE),
                 &mut || copying.round_trip(),
             ];
-            let measured = arms.iter_mut().zip(TRANSPORTS);
-            let times: anyhow::Result<Vec<Times>> = measured
-                .map(|(arm, name)| times(requests, expected, arm).context(name))
-                .collect();
+            let mut times = Vec::new();
+            for _ in TRANSPORTS {
+                times.push(Times::new_with_bounds(1, LONGEST_NS, 3)?);
+            }
+            for _ in 0..requests.div_ceil(TURN) {
+                for (index, round_trip) in round_trips.iter_mut().enumerate() {
+                    take_turn(round_trip, expected, &mut times[index])
+                        .context(TRANSPORTS[index])?;
+                }
+            }
             windows.push(Window {
-                times: times?,
+                times,
                 machine: machine.figures(),
             });
         }
@@ -183,14 +193,9 @@ fn us(times: &Times, percentile: f64) -> f64 {
     times.value_at_percentile(percentile) as f64 * 1e-3
 }
 
-/// Round trips one after the other, each of whose answers is the one expected.
-fn times(
-    requests: u64,
-    expected: u64,
-    round_trip: &mut dyn FnMut() -> anyhow::Result<u64>,
-) -> anyhow::Result<Times> {
-    let mut times = Times::new_with_bounds(1, LONGEST_NS, 3)?;
-    for index in 0..WARM_UP + requests {
+/// Some round trips of a transport, each of whose answers is the one expected.
+fn take_turn(round_trip: &mut RoundTrip, expected: u64, times: &mut Times) -> anyhow::Result<()> {
+    for index in 0..WARM_UP + TURN {
         let begun_ns = mono_now_ns();
         let read = round_trip()?;
         let took_ns = (mono_now_ns() - begun_ns).max(0).unsigned_abs();
@@ -199,7 +204,7 @@ fn times(
             times.saturating_record(took_ns);
         }
     }
-    Ok(times)
+    Ok(())
 }
 
 /// The knots of all candidates.

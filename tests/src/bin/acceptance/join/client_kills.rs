@@ -23,6 +23,8 @@ use crate::scale::Scale;
 const SERVED_WITHIN: Duration = Duration::from_secs(1);
 /// What a killed client has left is gone within this: dead processes are looked for ten times a second.
 const GONE_WITHIN: Duration = Duration::from_secs(5);
+/// Dead processes were looked for several times then.
+const CLEANED_AFTER: Duration = Duration::from_secs(1);
 /// An example has started and sent its request within this.
 const STARTED_WITHIN: Duration = Duration::from_secs(5);
 
@@ -89,6 +91,9 @@ fn kill(examples: &Examples, report: &mut Report, scale: Scale) -> anyhow::Resul
     examples.plan(&stack.world)?;
     serve(&mut stack)?;
     let joining_s = joins_within_s(examples, &stack, &events)?;
+    // Ports that stay are made with the first order; what the clients so far have left is removed.
+    stack.controller.command(Command::Stop, PATIENCE)?;
+    sleep(CLEANED_AFTER);
     let bytes_before = stack.world.shared_memory_bytes();
     let mut served_ms = Vec::new();
     let mut kills = BTreeMap::<Stage, usize>::new();
