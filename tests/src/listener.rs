@@ -43,6 +43,8 @@ pub struct Heard {
 pub struct Published {
     /// Its id.
     pub id: u32,
+    /// The plan that it is of.
+    pub plan_id: u64,
     /// The motion that it leaves, with the path time of that, s; none where it begins at rest.
     pub leaves: Option<(u32, f64)>,
     /// When it is to begin, as published, nanoseconds.
@@ -58,6 +60,7 @@ impl From<&TrajectoryMessage> for Published {
         let knots = message.knots.iter().take(message.knot_count as usize);
         Self {
             id: message.trajectory_id,
+            plan_id: message.plan_id,
             begin_mono_ns: message.begin_mono_ns,
             leaves: in_motion.then_some((message.leaves_trajectory_id, message.leaves_at_s)),
             knots: knots.map(Knot::from).collect(),

@@ -1,5 +1,6 @@
 //! The controller in a program that has a loop and motors of its own: everything but the set-points' way to the motors.
 
+use std::io;
 use std::sync::{
     Arc,
     atomic::{AtomicBool, Ordering},
@@ -11,6 +12,8 @@ use shared_types::{
     ipc::{IpcError, IpcOptions},
     message::{RobotState, Setpoint},
 };
+
+use signal_hook::consts::SIGUSR1;
 
 use super::{
     config::ControllerConfig,
@@ -68,7 +71,8 @@ impl RobotSide for Motors {
 
 impl Follower {
     /// Takes the controller's place under a prefix and root, with motors in this state: where it moves, they first ramp to rest. Priority and
-    /// processor of the calling thread, and what of the process's memory is locked, stay as they are.
+    /// processor of the calling thread, and what of the process's memory is locked, stay as they are. From then on SIGUSR1 stops the robot
+    /// along its path, as `pcc stop` wants it where the loop is held up.
     ///
     /// # Errors
     /// [`IpcError::AlreadyRunning`] where another controller lives there, or what a service or a port failed with.
@@ -79,6 +83,7 @@ impl Follower {
     ) -> Result<Self, IpcError> {
         let (config, signals) = (Arc::new(config), Signals::default());
         let shutdown = Arc::clone(&signals.shutdown);
+        signal_hook::flag::register(SIGUSR1, Arc::clone(&signals.stop)).map_err(no_signal)?;
         let (services, link) = LoopServices::start(&config, options, signals)?;
         robot_driver::claim_shared_memory(options)?;
         let limits = ReferenceLimits::of(&config.robot);
@@ -121,6 +126,14 @@ impl Follower {
     /// Stops the robot along its path; go on with cycles until there is none.
     pub fn shut_down(&self) {
         self.shutdown.store(true, Ordering::Relaxed);
+    }
+}
+
+fn no_signal(error: io::Error) -> IpcError {
+    IpcError::Failed {
+        service: "controller".to_owned(),
+        what: "the handler of SIGUSR1",
+        reason: error.to_string(),
     }
 }
 

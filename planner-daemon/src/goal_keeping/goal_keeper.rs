@@ -21,6 +21,11 @@ const PERIOD_NS: i64 = 10_000_000;
 const LOOK_AGAIN_NS: i64 = 100_000_000;
 /// Share of what remains of a motion that another one to the same goal may take to be worth a change.
 const WORTH_A_CHANGE: f64 = 0.9;
+/// For so long a motion from rest is followed before another one to a goal nearby may leave it, s: left again and again before it has gathered
+/// speed, the robot creeps.
+const GATHERS_SPEED_S: f64 = 0.15;
+/// Distance of goals nearby, section lengths.
+const NEARBY: f64 = 0.1;
 /// Share of a tip's tolerance within which a robot at rest stays where it is.
 const AT_REST_SHARE: f64 = 0.1;
 /// Difference from a goal configuration within which a robot at rest stays where it is, rad.
@@ -199,6 +204,12 @@ impl GoalKeeper {
             }
         } else {
             kept.rests_since_mono_ns = None;
+        }
+        let is_nearby = kept
+            .last_planned_for
+            .is_some_and(|last| are_nearby(&last, &target, &self.robot));
+        if is_nearby && gathers_speed(robot, now_mono_ns) {
+            return None;
         }
         let is_new = is_blocked || kept.last_planned_for != Some(target);
         if !is_new && now_mono_ns < kept.look_again_mono_ns {
@@ -392,6 +403,30 @@ impl PlanResult {
 fn ends_the_goal(result: &MotionResult) -> bool {
     result.outcome != MotionOutcome::Refused
         && (result.cause, result.sender) != (StopCause::Command, CommandSender::Supervision)
+}
+
+/// Whether the robot follows a motion that began at rest a moment ago and is certified to its end.
+fn gathers_speed(robot: &RobotMotion, now_mono_ns: i64) -> bool {
+    let RobotMotion::Following(followed) = robot else {
+        return false;
+    };
+    let began_at_rest = followed.motion.knots()[0].velocity == Configuration::zeros();
+    began_at_rest && !followed.is_blocked && followed.latest_s(now_mono_ns) < GATHERS_SPEED_S
+}
+
+/// Whether two targets are of one goal, whose tip has moved but little.
+fn are_nearby(a: &Target, b: &Target, robot: &UnitRobot) -> bool {
+    let (
+        Goal::Tip {
+            position_m: from, ..
+        },
+        Goal::Tip { position_m: to, .. },
+    ) = (a.goal, b.goal)
+    else {
+        return false;
+    };
+    let [from, to] = [from, to].map(|it| robot.point_in_section_lengths(it));
+    a.given_mono_ns == b.given_mono_ns && (from - to).norm() <= NEARBY
 }
 
 #[cfg(test)]

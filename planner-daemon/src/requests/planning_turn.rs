@@ -243,7 +243,9 @@ impl Service {
         if let Some(switch) = begin.switch {
             if begin.to_be_done.is_known() {
                 let plan_id = in_flight.plan_id;
-                tracing::info!("plan {plan_id}: its switch was too near, another is chosen");
+                tracing::info!(
+                    "plan {plan_id}: its switch was too near, another is chosen: {work:?}"
+                );
             }
             in_flight.begin = PlanBegin::AtSwitch(switch);
             in_flight.begin_chosen = begin.chosen;

@@ -77,7 +77,7 @@ pub(super) struct Figures {
     /// Motions that came too late for their switch and were planned again, as the daemon's log tells.
     pub(super) made_again: Vec<String>,
     /// Switches that were too near once the fastest motion was known, and chosen again before it was published, as the daemon's log tells.
-    pub(super) chosen_again: usize,
+    pub(super) chosen_again: BTreeMap<String, usize>,
     /// Ends of begun joined motions other than reached or joined by another.
     pub(super) ended_otherwise: Vec<String>,
     /// References of which faster motions were left out, since they bend further than a joined motion may.

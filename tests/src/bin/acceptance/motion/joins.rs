@@ -62,7 +62,7 @@ pub(super) fn what_was_asked(
     let counts = format!(
         "{} requests found the robot in motion, by the cycle at that time, of {} in all (ten candidates, deadline 1 s; tips of configurations with \
          room; the next one after no time to the whole motion); {} motions joined another, {} of them were begun, {} began at rest, since it had \
-         come to rest meanwhile; {} were planned again for a missed switch, of {} the switch was chosen again before they were published; \
+         come to rest meanwhile; {} were planned again for a missed switch, of these the switch was chosen again before they were published: {:?}; \
          refused in motion: {:?}; refused at rest: {:?}; {} scenes in which the robot had room, of {} drawn",
         figures.in_motion,
         figures.requests,

@@ -79,8 +79,12 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
         .filter_map(|line| line.split("is made again: ").nth(1));
     let missed = made_again.filter(|why| why.starts_with("switch missed"));
     figures.made_again = missed.map(str::to_owned).collect();
-    let is_chosen_again = |line: &&str| line.contains("its switch was too near");
-    figures.chosen_again = log.lines().filter(is_chosen_again).count();
+    let chosen_again = log
+        .lines()
+        .filter_map(|line| line.split("another is chosen: ").nth(1));
+    for work in chosen_again {
+        *figures.chosen_again.entry(work.to_owned()).or_default() += 1;
+    }
     figures.sent = judge.verdict().clone();
     Ok(figures)
 }
@@ -191,7 +195,10 @@ fn references(
         let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
         figures.references_left_out += usize::from(reference.leaves_out_faster);
         if figures.compare(&stack.world.robot, motion, &reference, is_truncated) {
-            keep_later(motion, &reference, scene, seed)?;
+            let log = stack.process(Part::Daemon).log();
+            let chosen_again = format!("plan {}: its switch was too near", motion.plan_id);
+            let chosen_again = log.lines().find(|line| line.contains(&chosen_again));
+            keep_later(motion, &reference, scene, (seed, chosen_again))?;
         }
     }
     Ok(())
@@ -202,7 +209,7 @@ fn keep_later(
     motion: &Published,
     reference: &StopThenGo,
     scene: &ReplanScene,
-    seed: u64,
+    (seed, chosen_again): (u64, Option<&str>),
 ) -> anyhow::Result<()> {
     let knots = motion.knots.iter();
     let knots: Vec<_> = knots.map(|knot| (knot.time_s, knot.values)).collect();
@@ -210,6 +217,7 @@ fn keep_later(
     let balls: Vec<_> = balls.map(|ball| (ball.centre_m, ball.radius_m)).collect();
     let case = serde_json::json!({
         "seed": seed,
+        "chosen_again": chosen_again,
         "balls": balls,
         "knots": knots,
         "go_s": reference.go_s,
