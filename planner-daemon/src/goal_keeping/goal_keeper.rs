@@ -16,7 +16,7 @@ const CANDIDATES: usize = 4;
 /// Time that a plan may take: a goal that cannot be reached is told of within 100 ms.
 const DEADLINE: Duration = Duration::from_millis(60);
 /// Least time between the begins of two plans, nanoseconds.
-const PERIOD_NS: i64 = 10_000_000;
+const PERIOD_NS: i64 = 20_000_000;
 /// Time between two looks for a better motion to the same goal, and between two attempts where there was none, nanoseconds.
 const LOOK_AGAIN_NS: i64 = 100_000_000;
 /// Share of what remains of a motion that another one to the same goal may take to be worth a change.

@@ -17,7 +17,7 @@ fn whoever_stops_the_robot_ends_the_goal_but_for_the_daemons_supervision() {
         let mut bench = Bench::underway();
         bench.keeper.hear_result(&stopped(7, cause, sender));
         assert_eq!(bench.keeper.has_goal(), !ends, "{cause:?} {sender:?}");
-        assert_eq!(bench.after(10, &holding()).is_some(), !ends);
+        assert_eq!(bench.after(20, &holding()).is_some(), !ends);
         if ends {
             assert_eq!(bench.state(), GoalState::Ended);
             let again = bench.keeper.give(given(GIVEN, configuration(0.6)));
@@ -34,7 +34,7 @@ fn a_refusal_ends_the_goal_only_where_another_than_the_daemon_has_ordered_a_stop
     bench
         .keeper
         .hear_result(&refused(7, Refusal::StartsElsewhere));
-    assert!(bench.after(10, &holding()).is_some(), "at once");
+    assert!(bench.after(20, &holding()).is_some(), "at once");
     bench.publish(8);
     bench
         .keeper
@@ -89,7 +89,7 @@ fn stops_that_the_controller_tells_of_end_a_goal_at_rest_but_not_the_daemons_own
     bench
         .keeper
         .hear_result(&ended_by(7, MotionOutcome::Reached));
-    bench.after(10, &holding());
+    bench.after(20, &holding());
     assert_eq!(bench.state(), GoalState::Reached);
     let ordered = HeardOrders {
         wanted_from_mono_ns: GIVEN + 400 * MS,
