@@ -83,7 +83,8 @@ impl Follower {
     ) -> Result<Self, IpcError> {
         let (config, signals) = (Arc::new(config), Signals::default());
         let shutdown = Arc::clone(&signals.shutdown);
-        signal_hook::flag::register(SIGUSR1, Arc::clone(&signals.stop)).map_err(no_signal)?;
+        signal_hook::flag::register(SIGUSR1, Arc::clone(&signals.stop))
+            .map_err(|error| no_signal(&error))?;
         let (services, link) = LoopServices::start(&config, options, signals)?;
         robot_driver::claim_shared_memory(options)?;
         let limits = ReferenceLimits::of(&config.robot);
@@ -129,7 +130,7 @@ impl Follower {
     }
 }
 
-fn no_signal(error: io::Error) -> IpcError {
+fn no_signal(error: &io::Error) -> IpcError {
     IpcError::Failed {
         service: "controller".to_owned(),
         what: "the handler of SIGUSR1",
