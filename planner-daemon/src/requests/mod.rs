@@ -7,6 +7,7 @@ mod goal_exchange;
 mod goal_turn;
 mod idle_warm_up;
 mod in_flight;
+mod late_switch;
 mod lead_times;
 mod plan_records;
 mod plan_runner;

@@ -1,7 +1,7 @@
 //! The turn of one request: its start, planning, execution, the answer.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use collision::SceneError;
@@ -12,8 +12,9 @@ use shared_types::codes::{Outcome, PlanDependence, PlanField};
 use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
 use super::in_flight::{Attempt, EarlyExecution, InFlight, Queued};
-use super::lead_times::{PlanKind, TO_THE_LOOP, Work};
-use super::plan_runner::{Early, Job, LateBegin, LateSwitch, PlanOutput};
+use super::late_switch::{late_switch, until};
+use super::lead_times::{PlanKind, Work};
+use super::plan_runner::{Early, Job, LateBegin, PlanOutput};
 use super::planned::Planned;
 use super::planner_kind::PlannerKind;
 use super::recent_plans::{KeptCandidate, KeptPlan, PlanBegin};
@@ -22,7 +23,7 @@ use super::request_validator::PlanTask;
 use super::robot_start::{NotReady, begin_at_robot};
 use super::service::Service;
 use crate::execution::{
-    ExecutionRefusal, ExecutionTiming, ExpectedBegin, RobotMotion, SelectedMotion, Shared, Switch,
+    ExecutionRefusal, ExecutionTiming, ExpectedBegin, RobotMotion, SelectedMotion, Switch,
     TimedGoal,
 };
 use crate::goal_keeping::Wanted;
@@ -401,34 +402,6 @@ impl Service {
     }
 }
 
-/// Where a motion is left by one that is ready within the one of `leads` that is for what is to be done, whenever it is asked, and not before
-/// `not_before_mono_ns`; none where nothing is to be done and the switch that was chosen last is in time.
-fn late_switch(
-    robot: Shared<RobotMotion>,
-    first: Switch,
-    leads: [(Work, Duration); 4],
-    not_before_mono_ns: Option<i64>,
-) -> LateSwitch {
-    let last = Mutex::new(first);
-    Box::new(move |to_be_done| {
-        let RobotMotion::Following(followed) = robot.get() else {
-            return None;
-        };
-        let now = mono_now_ns();
-        let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
-        let in_time = followed.is_ahead(&last, TO_THE_LOOP.mul_f64(0.75), now);
-        if to_be_done.is_known() && in_time {
-            return None;
-        }
-        let work = Work::from(to_be_done);
-        let (_, lead) = leads.into_iter().find(|(of, _)| *of == work)?;
-        let switch = followed.switch_after(lead.max(until(not_before_mono_ns, now)), now)?;
-        let switch = Some(switch).filter(|it| it.trajectory_id == last.trajectory_id)?;
-        *last = switch;
-        Some(switch)
-    })
-}
-
 /// Why a motion to the goal that stays is not planned yet: it would begin so much later that it is planned again until then.
 fn begins_too_late(asker: &Asker, begin: &PlanBegin) -> Option<Refusal> {
     let PlanBegin::AtRest { not_before_mono_ns } = begin else {
@@ -455,12 +428,6 @@ impl InFlight {
         let next = self.attempt.next(self.took);
         next.filter(|_| is_out_of_date && is_wanted && is_in_time)
     }
-}
-
-/// Time until a begin that is not to be sooner.
-fn until(not_before_mono_ns: Option<i64>, now_mono_ns: i64) -> Duration {
-    let left_ns = not_before_mono_ns.map_or(0, |begin| begin.saturating_sub(now_mono_ns));
-    Duration::from_nanos(left_ns.max(0).unsigned_abs())
 }
 
 /// Longest wait of a task before it is refused where it cannot begin yet.

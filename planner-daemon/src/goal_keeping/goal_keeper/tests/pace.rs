@@ -1,0 +1,57 @@
+//! How often plans begin.
+
+use super::*;
+
+#[test]
+fn a_goal_that_moves_is_planned_for_fifty_times_a_second_at_most() {
+    let mut bench = Bench::underway();
+    let (mut count, mut ids) = (0, 8..);
+    for stamp in 1..=1_000 {
+        bench.give(StandingGoal {
+            stamp_mono_ns: GIVEN + stamp,
+            ..given(GIVEN, configuration(0.4 + 1e-4 * stamp as f64))
+        });
+        if bench.after(1, &following(7)).is_some() {
+            count += 1;
+            bench.publish(ids.next().unwrap());
+        }
+    }
+    assert_eq!(count, 50);
+}
+
+#[test]
+fn a_motion_from_rest_gathers_speed_before_it_is_left_for_a_tip_that_moved_a_little() {
+    let tip = |x: f64| Goal::tip([x, 0.5, 2.3]);
+    let at = |x: f64, stamp: i64| StandingGoal {
+        stamp_mono_ns: GIVEN + stamp,
+        ..given(GIVEN, tip(x))
+    };
+    let mut bench = Bench::new();
+    bench.give(at(1.0, 0));
+    bench.heads(&holding(), 7);
+    let begun = |ms: i64, now: i64, is_blocked: bool| {
+        let RobotMotion::Following(followed) = following(7) else {
+            unreachable!("it follows")
+        };
+        RobotMotion::Following(FollowedMotion {
+            is_blocked,
+            time_s: 1e-3 * ms as f64,
+            state_mono_ns: now,
+            ..followed
+        })
+    };
+    bench.give(at(1.02, 1));
+    let now = bench.now + 20 * MS;
+    assert!(bench.after(20, &begun(20, now, false)).is_none());
+    let now = bench.now + 140 * MS;
+    assert!(bench.after(140, &begun(160, now, false)).is_some());
+    // At once where an obstacle has come, or the tip has gone far.
+    for (x, is_blocked) in [(1.03, true), (1.4, false)] {
+        let mut bench = Bench::new();
+        bench.give(at(1.0, 0));
+        bench.heads(&holding(), 7);
+        bench.give(at(x, 1));
+        let now = bench.now + 20 * MS;
+        assert!(bench.after(20, &begun(20, now, is_blocked)).is_some());
+    }
+}
