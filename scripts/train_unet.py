@@ -16,26 +16,33 @@ import numpy as np
 import torch
 from torch import nn
 
+from scene_symmetries import Symmetries, moved
 from unet_model import STEPS, TemporalUnet, cosine_schedule, metadata
 from weights_export import record_of, this_machine, write_weights
 
 WARM_UP_UPDATES = 500
-AVERAGE_DECAY = 0.995
 AVERAGE_EVERY = 4
 VALIDATION_ROWS = 2048
+UPDATES_BEFORE_CAPTURE = 3
 
 
 class Scale:
-    """Normalisation: configurations to [-1, 1] by the data's range, positions by one centre and one scale."""
+    """Normalisation: configurations to [-1, 1] by the data's range, positions by one centre and one scale.
+
+    With symmetries the range is the same in all directions and the centre lies on the axis, so that a turn stays a turn.
+    """
 
     def __init__(self, low, high, centre, scale):
         self.low, self.high, self.centre, self.scale = low, high, centre, scale
 
     @classmethod
-    def of(cls, paths, tips, centres):
+    def of(cls, paths, tips, centres, symmetries):
         low, high = paths.amin((0, 1)).clamp(max=0), paths.amax((0, 1)).clamp(min=0)
         points = torch.cat([tips, centres])
         centre = (points.amin(0) + points.amax(0)) / 2
+        if symmetries:
+            high = torch.maximum(high, -low).amax().expand(6).clone()
+            low, centre = -high, centre * torch.tensor([0, 0, 1], device=centre.device)
         return cls(low, high, centre, (points - centre).abs().max().reshape(1))
 
     def configuration(self, values):
@@ -54,7 +61,7 @@ class Scale:
 class Rows:
     """The training and validation rows of some data sets, normalised, on the device."""
 
-    def __init__(self, folders, device, scale=None):
+    def __init__(self, folders, device, symmetries, scale=None):
         metas = [json.loads((Path(folder) / "dataset_meta.json").read_text()) for folder in folders]
         self.recipes = [meta.get("config", {}) | {"paths": meta["actual_paths"]} for meta in metas]
         self.theta_max = bending_limit(self.recipes)
@@ -65,7 +72,8 @@ class Rows:
         merged = {key: torch.cat([part[key] for part in parts]).to(device) for key in parts[0]}
         balls, counts = merged["balls"], merged["counts"]
         self.present = torch.arange(most, device=device) < counts.unsqueeze(1)
-        self.scale = scale or Scale.of(merged["paths"], merged["tips"], balls[self.present][:, :3])
+        self.scale = scale or Scale.of(merged["paths"], merged["tips"], balls[self.present][:, :3], symmetries)
+        self.symmetries = Symmetries(balls, self.present) if symmetries else None
         self.paths = self.scale.configuration(merged["paths"])
         self.goals = self.scale.position(merged["tips"])
         self.centres = self.scale.position(balls[..., :3]) * self.present.unsqueeze(-1)
@@ -73,9 +81,12 @@ class Rows:
         self.train = (merged["split"] == 0).nonzero().squeeze(1)
         self.validation = (merged["split"] == 1).nonzero().squeeze(1)[:VALIDATION_ROWS]
 
-    def batch(self, rows):
-        scene = (self.centres[rows], self.radii[rows], self.present[rows])
-        return self.paths[rows], self.goals[rows], scene
+    def batch(self, rows, generator):
+        """The rows' paths, goals and scenes, each through a symmetry of its scene where those are wanted."""
+        paths, goals = self.paths[rows], self.goals[rows]
+        if self.symmetries:
+            paths, goals = moved(paths, goals, self.symmetries.draw(rows, generator))
+        return paths, goals, (self.centres[rows], self.radii[rows], self.present[rows])
 
 
 def bending_limit(recipes):
@@ -124,7 +135,7 @@ class Diffusion:
         return ((predicted - noise)[:, 1:] ** 2).mean()
 
     def random_loss(self, rows, picks, generator, operation):
-        paths, goals, scene = rows.batch(picks)
+        paths, goals, scene = rows.batch(picks, generator)
         steps = torch.randint(STEPS, (len(picks),), generator=generator, device=self.device)
         noise = torch.randn(paths.shape, generator=generator, device=self.device)
         return operation(paths, goals, scene, steps, noise)
@@ -137,10 +148,14 @@ class Run:
         self.model = TemporalUnet(arguments.width).to(device)
         self.average = TemporalUnet(arguments.width).to(device)
         self.average.load_state_dict(self.model.state_dict())
-        self.optimiser = torch.optim.AdamW(self.model.parameters(), lr=arguments.rate, weight_decay=1e-4, fused=True)
+        captured = device.type == "cuda"
+        rate = torch.tensor(arguments.rate, device=device) if captured else arguments.rate
+        self.optimiser = torch.optim.AdamW(
+            self.model.parameters(), lr=rate, weight_decay=1e-4, fused=True, capturable=captured
+        )
         self.generator = torch.Generator(device=device).manual_seed(arguments.seed)
         self.updates, self.seconds, self.cool_down = 0, 0.0, arguments.cool_down
-        self.facts = {name: getattr(arguments, name) for name in ("width", "seed", "batch", "rate")}
+        self.facts = {name: getattr(arguments, name) for name in ("width", "seed", "batch", "rate", "average", "symmetries")}
         self.facts |= {"products": "bf16" if arguments.bf16 else "f32", "begun_from": "nothing"}
         self.facts |= {"rows": len(rows.train), "theta_max": rows.theta_max, "data": json.dumps(rows.recipes)}
 
@@ -170,23 +185,69 @@ class Run:
         self.updates, self.seconds = state["updates"], state["seconds"]
 
 
-def step(run, diffusion, rows, arguments):
+class Captured:
+    """An operation of the accelerator as a graph, which replays it without the processor's share of the work."""
+
+    def __init__(self, operation, generator):
+        self.operation, self.left = operation, UPDATES_BEFORE_CAPTURE
+        self.graph = torch.cuda.CUDAGraph()
+        self.graph.register_generator_state(generator)
+        self.stream = torch.cuda.Stream()
+
+    def __call__(self):
+        if self.left > 0:
+            return self.before_capture()
+        if self.left == 0:
+            self.left = -1
+            with torch.cuda.graph(self.graph, stream=self.stream):
+                self.result = self.operation()
+        self.graph.replay()
+        return self.result.clone()
+
+    def before_capture(self):
+        """The first calls compile and allocate, which a graph cannot."""
+        self.left -= 1
+        self.stream.wait_stream(torch.cuda.current_stream())
+        with torch.cuda.stream(self.stream):
+            result = self.operation()
+        torch.cuda.current_stream().wait_stream(self.stream)
+        return result
+
+
+def descent(run, diffusion, rows, batch):
+    """The operation of one update: draws a batch, changes the model, gives the loss."""
+
+    def descend():
+        picks = torch.randint(len(rows.train), (batch,), generator=run.generator, device=diffusion.device)
+        run.optimiser.zero_grad(set_to_none=True)
+        loss = diffusion.random_loss(rows, rows.train[picks], run.generator, diffusion.compiled)
+        loss.backward()
+        nn.utils.clip_grad_norm_(run.model.parameters(), 1.0)
+        run.optimiser.step()
+        return loss.detach()
+
+    return Captured(descend, run.generator) if diffusion.device.type == "cuda" else descend
+
+
+def set_rate(optimiser, rate):
+    for group in optimiser.param_groups:
+        if isinstance(group["lr"], torch.Tensor):
+            group["lr"].fill_(rate)
+        else:
+            group["lr"] = rate
+
+
+def step(run, descend, arguments):
     """One update; returns the loss. The rate falls to nothing over the last `cool_down` updates."""
     left = (arguments.updates - run.updates) / max(arguments.cool_down, 1)
-    for group in run.optimiser.param_groups:
-        group["lr"] = arguments.rate * min(1.0, (run.updates + 1) / WARM_UP_UPDATES, left)
-    picks = torch.randint(len(rows.train), (arguments.batch,), generator=run.generator, device=diffusion.device)
-    loss = diffusion.random_loss(rows, rows.train[picks], run.generator, diffusion.compiled)
-    run.optimiser.zero_grad(set_to_none=True)
-    loss.backward()
-    nn.utils.clip_grad_norm_(run.model.parameters(), 1.0)
-    run.optimiser.step()
+    set_rate(run.optimiser, arguments.rate * min(1.0, (run.updates + 1) / WARM_UP_UPDATES, left))
+    loss = descend()
     run.updates += 1
     if run.updates % AVERAGE_EVERY == 0:
-        keep = min(AVERAGE_DECAY**AVERAGE_EVERY, run.updates / (run.updates + 10))
+        keep = min(arguments.average**AVERAGE_EVERY, run.updates / (run.updates + 10 * AVERAGE_EVERY))
         with torch.no_grad():
             torch._foreach_lerp_(list(run.average.parameters()), list(run.model.parameters()), 1.0 - keep)
-    return loss.detach()
+    return loss
 
 
 @torch.no_grad()
@@ -204,7 +265,7 @@ def begin(arguments, device):
     checkpoint = Path(arguments.checkpoint)
     source = checkpoint if checkpoint.exists() else arguments.begin_from
     state = torch.load(source, map_location=device, weights_only=True) if source else None
-    rows = Rows(arguments.data, device, state and Scale(*state["scale"].values()))
+    rows = Rows(arguments.data, device, arguments.symmetries, state and Scale(*state["scale"].values()))
     run = Run(arguments, rows, device)
     if checkpoint.exists():
         run.restore(state)
@@ -223,9 +284,10 @@ def train(arguments):
     run, rows = begin(arguments, device)
     diffusion = Diffusion(run.model, device, arguments.bf16)
     print(f"{len(rows.train)} training rows, {len(rows.validation)} to validate, from update {run.updates}", flush=True)
+    descend = descent(run, diffusion, rows, arguments.batch)
     began, losses, record = time.monotonic() - run.seconds, [], {}
     while run.updates < arguments.updates:
-        losses.append(step(run, diffusion, rows, arguments))
+        losses.append(step(run, descend, arguments))
         run.seconds = time.monotonic() - began
         stays = run.updates == arguments.updates - arguments.cool_down or run.updates % arguments.keep == 0
         if run.updates % arguments.every == 0 or stays or run.updates == arguments.updates:
@@ -243,7 +305,7 @@ def train(arguments):
 def metadata_of(state, recipe, measured, machine):
     """Everything the loader checks, and how the weights were made."""
     facts = state["facts"]
-    made = {name: str(facts[name]) for name in ("rate", "products", "begun_from", "data")}
+    made = {name: str(facts[name]) for name in ("rate", "products", "begun_from", "data", "average", "symmetries")}
     made["cool_down"] = str(state["cool_down"])
     made["normalisation"] = "configurations to [-1, 1], positions by one centre and one scale: the tensors say"
     return metadata(facts["width"], facts["theta_max"]) | made | record_of(state, recipe, measured, machine)
@@ -275,6 +337,8 @@ def main():
     p.add_argument("--seed", type=int, default=0, help="seed of weights, noise and batches (default %(default)s)")
     p.add_argument("--every", type=int, default=1000, help="updates between checkpoints (default %(default)s)")
     p.add_argument("--keep", type=int, default=10_000, help="updates between checkpoints that stay (default %(default)s)")
+    p.add_argument("--average", type=float, default=0.995, help="share of the averaged weights kept by an update (default %(default)s)")
+    p.add_argument("--symmetries", action="store_true", help="use each row through a random turn or mirror that leaves its scene as it is")
     p.add_argument("--bf16", action="store_true", help="bfloat16 products: faster where the processor has them")
     p.set_defaults(run=train)
 

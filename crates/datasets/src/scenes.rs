@@ -20,8 +20,8 @@ pub const STARTS: usize = 5;
 /// Which kind of scene a case has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Setting {
-    /// The paper's four fixed layouts, cycled by target index over 0, 1, 2, 4 balls.
-    Reference,
+    /// The paper's four fixed layouts, cycled by target index over 0, 1, 2, 4 balls, or one of them.
+    Reference(Option<usize>),
     /// No balls.
     ObstacleFree,
     /// Random balls, counts cycled over 0, 1, 2, 3, 4, 5, 6, 8, or a fixed count.
@@ -67,7 +67,9 @@ pub fn draw_target(robot: &UnitRobot, setting: Setting, seed: u64, index: u64) -
 pub(crate) fn draw_balls(setting: Setting, index: u64, rng: &mut Pcg64) -> Vec<Ball> {
     match setting {
         Setting::ObstacleFree => Vec::new(),
-        Setting::Reference => reference_layout([0, 1, 2, 4][(index % 4) as usize]),
+        Setting::Reference(fixed) => {
+            reference_layout(fixed.unwrap_or([0, 1, 2, 4][(index % 4) as usize]))
+        }
         Setting::General(fixed) => {
             let cycled = [0, 1, 2, 3, 4, 5, 6, 8][(index % 8) as usize];
             random_balls(fixed.unwrap_or(cycled), rng)

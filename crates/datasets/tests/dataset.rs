@@ -82,7 +82,7 @@ fn a_generated_set_survives_writing_and_reading() {
 
 #[test]
 fn blocks_do_not_depend_on_how_targets_are_divided() {
-    let recipe = recipe(Setting::Reference);
+    let recipe = recipe(Setting::Reference(None));
     let (whole, _) = generate_block(&robot(), &recipe, 0..6);
     let (first, _) = generate_block(&robot(), &recipe, 0..2);
     let (second, _) = generate_block(&robot(), &recipe, 2..6);
@@ -163,7 +163,7 @@ fn the_meta_data_has_every_key_of_the_authors() {
     let (rows, counts) = generate_block(&robot(), &recipe(Setting::General(Some(3))), 0..3);
     let meta = Meta {
         counts: Some(counts),
-        generator: GeneratorNotes::of_paper(Setting::Reference),
+        generator: GeneratorNotes::of_paper(Setting::Reference(None)),
         ..Meta::new(serde_json::json!({}))
     };
     Dataset { rows, meta }.write(folder.path()).unwrap();

@@ -88,7 +88,7 @@ pub(crate) struct Arguments {
     /// How paths are made.
     #[arg(long, value_enum, default_value = "expert")]
     method: Method,
-    /// Number of balls in every general scene, instead of the cycle (0 to 64).
+    /// Number of balls in every scene, instead of the cycle (general: 0 to 64, reference: 0, 1, 2 or 4).
     #[arg(long, value_parser = number::whole(0, MOST_OF_A_SET))]
     balls: Option<usize>,
     /// Targets to draw (1 to 10000000).
@@ -169,8 +169,11 @@ impl<'a> Job<'a> {
     fn new(arguments: &'a Arguments) -> anyhow::Result<Self> {
         let setting = match (arguments.setting, arguments.balls) {
             (SettingName::General, balls) => Setting::General(balls),
-            (_, Some(balls)) => bail!("--balls {balls} goes with --setting general"),
-            (SettingName::Reference, None) => Setting::Reference,
+            (SettingName::Reference, None | Some(0 | 1 | 2 | 4)) => Setting::Reference(arguments.balls),
+            (SettingName::Reference, Some(balls)) => {
+                bail!("--balls {balls}: the reference has layouts of 0, 1, 2 and 4")
+            }
+            (_, Some(balls)) => bail!("--balls {balls} goes with --setting general or reference"),
             (SettingName::ObstacleFree, None) => Setting::ObstacleFree,
             (SettingName::Hard, None) => Setting::Hard,
         };

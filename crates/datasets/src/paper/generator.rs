@@ -206,7 +206,7 @@ mod tests {
     fn kept_paths_keep_the_limits_and_every_path_is_accounted_for() {
         let robot = unit_robot();
         let (rows, counts) =
-            generate_paper_block(&robot, &recipe(Setting::Reference, 5, 10), 0..60);
+            generate_paper_block(&robot, &recipe(Setting::Reference(None), 5, 10), 0..60);
         let (targets, paths) = (&counts.target_discarded_counts, &counts.path_failure_counts);
         let lost_targets = targets["terminal_ik"] + targets["start_sampling"];
         assert_eq!(counts.requested_paths, 60 * 50);
