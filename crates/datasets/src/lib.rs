@@ -12,6 +12,7 @@ mod fixtures;
 mod format;
 mod paper;
 mod recipe;
+pub mod reference;
 mod row;
 pub mod scenes;
 mod training_rows;

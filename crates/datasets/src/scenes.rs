@@ -9,6 +9,7 @@ use planning::{
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::{SQRT_2, TAU};
+use std::ops::RangeInclusive;
 
 /// Clearance asked of targets and starts beyond the tube: 1.5 × 0.2 − 0.2 section lengths.
 const ENDPOINT_CLEARANCE: f64 = 0.1;
@@ -16,6 +17,10 @@ const ENDPOINT_CLEARANCE: f64 = 0.1;
 pub(crate) const LAYOUT_RADIUS: f64 = 1.2;
 /// Starts drawn for one target.
 pub const STARTS: usize = 5;
+
+/// Distances from the base axis, and heights, of the workspace of targets, section lengths.
+pub(crate) const WORKSPACE_RADII: RangeInclusive<f64> = 0.1..=2.5;
+pub(crate) const WORKSPACE_HEIGHTS: RangeInclusive<f64> = 1.5..=3.0;
 
 /// Which kind of scene a case has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,7 +133,7 @@ fn draw_tip(robot: &UnitRobot, scene: &Scene, rng: &mut Pcg64) -> Option<(Config
 
 /// Whether targets and starts may have their tip there.
 pub(crate) fn in_workspace(tip: &Point) -> bool {
-    (0.1..=2.5).contains(&tip.x.hypot(tip.y)) && (1.5..=3.0).contains(&tip.z)
+    WORKSPACE_RADII.contains(&tip.x.hypot(tip.y)) && WORKSPACE_HEIGHTS.contains(&tip.z)
 }
 
 fn is_clear(robot: &UnitRobot, scene: &Scene, shape: &Configuration) -> bool {

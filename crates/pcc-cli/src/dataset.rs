@@ -14,7 +14,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use input_files::{read_text, shortened};
 use pcc_model::UnitRobot;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::Builder;
@@ -133,6 +133,35 @@ impl Arguments {
     }
 }
 
+/// Generates a set of cases that nothing was trained with, or goes on with it, in a folder.
+pub(crate) fn generate_unseen(
+    setting: &str,
+    recipe: &crate::compare::Recipe,
+    targets: u64,
+    robot: &Path,
+    out: &Path,
+) -> anyhow::Result<()> {
+    let named = |text: &str| anyhow::anyhow!("no such setting or method: {text}");
+    if Meta::is_in(out) {
+        return Ok(());
+    }
+    generate(&Arguments {
+        setting: SettingName::from_str(setting, false).map_err(|_| named(setting))?,
+        method: Method::from_str(recipe.method, false).map_err(|_| named(recipe.method))?,
+        balls: None,
+        targets,
+        starts: recipe.starts,
+        ends: Some(recipe.ends),
+        trees: 1,
+        seed: recipe.seed,
+        test_only: true,
+        shard: Shard { index: 0, count: 1 },
+        threads: 0,
+        robot: robot.to_owned(),
+        out: out.to_owned(),
+    })
+}
+
 struct Job<'a> {
     arguments: &'a Arguments,
     robot: UnitRobot,
@@ -169,7 +198,9 @@ impl<'a> Job<'a> {
     fn new(arguments: &'a Arguments) -> anyhow::Result<Self> {
         let setting = match (arguments.setting, arguments.balls) {
             (SettingName::General, balls) => Setting::General(balls),
-            (SettingName::Reference, None | Some(0 | 1 | 2 | 4)) => Setting::Reference(arguments.balls),
+            (SettingName::Reference, None | Some(0 | 1 | 2 | 4)) => {
+                Setting::Reference(arguments.balls)
+            }
             (SettingName::Reference, Some(balls)) => {
                 bail!("--balls {balls}: the reference has layouts of 0, 1, 2 and 4")
             }

@@ -4,6 +4,7 @@
 mod output;
 
 mod command_line;
+mod compare;
 mod dataset;
 mod demo;
 mod evaluate;
@@ -27,6 +28,7 @@ mod sampler;
 mod scene;
 mod services;
 mod trace;
+mod view;
 mod watch;
 
 use clap::{Parser, Subcommand};
@@ -85,6 +87,10 @@ enum Command {
     Features(features::Arguments),
     /// Evaluate a planner on a data set and write result.json and paths.npz.
     Evaluate(evaluate::Arguments),
+    /// Show motions in 3D: write one self-contained page of an evaluation or a record.
+    View(view::Arguments),
+    /// Compare planners over the same cases, with confidence intervals, and write compare.json and compare.csv.
+    Compare(compare::Arguments),
     /// Write how noise becomes a path, step by step, as an archive for pictures.
     Trace(trace::Arguments),
 }
@@ -126,6 +132,8 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Dataset(arguments) => dataset::generate(&arguments),
         Command::Features(arguments) => features::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::View(arguments) => view::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
         Command::Trace(arguments) => trace::run(&arguments),
     }
 }

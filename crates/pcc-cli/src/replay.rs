@@ -10,7 +10,7 @@ use clap::Args;
 use pcc_model::Robot;
 use shared_types::ipc::IpcOptions;
 
-use self::recording::Recording;
+pub(crate) use self::recording::Recording;
 
 /// Arguments of `pcc replay`.
 #[derive(Args)]

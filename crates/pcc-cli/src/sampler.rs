@@ -3,6 +3,7 @@
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use planning::{Sampler, Selection};
+use rivals::Rival;
 
 /// A planner as `pcc evaluate --planner` names it, and a sampler as `pcc plan --sampler` does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -25,16 +26,38 @@ pub(crate) enum PlannerName {
     DiffusionPost,
     /// The paper's diffusion model with guided prediction in its last steps.
     DiffusionGuided,
+    /// RRT in configuration space, as the paper compares with.
+    CRrt,
+    /// RRT* in configuration space, as the paper compares with.
+    CRrtStar,
+    /// RRT on tip positions, as the paper compares with.
+    WRrt,
+    /// RRT* on tip positions, as the paper compares with.
+    WRrtStar,
+    /// An artificial potential field, as the paper compares with.
+    Apf,
     /// Paths that another program drew.
     Proposed,
 }
 
 impl PlannerName {
-    /// Where the planner draws paths from; nothing where they are given.
+    /// Where the planner draws paths from; nothing where they are given, or a rival's.
     pub(crate) fn sampler(self) -> Option<Sampler> {
         let name = name_of(&self);
         let found = Sampler::ALL.iter().find(|sampler| sampler.text() == name);
         found.copied()
+    }
+
+    /// The paper's rival that draws the paths.
+    pub(crate) fn rival(self) -> Option<Rival> {
+        match self {
+            Self::CRrt => Some(Rival::CRrt),
+            Self::CRrtStar => Some(Rival::CRrtStar),
+            Self::WRrt => Some(Rival::WRrt),
+            Self::WRrtStar => Some(Rival::WRrtStar),
+            Self::Apf => Some(Rival::Apf),
+            _ => None,
+        }
     }
 }
 
@@ -55,7 +78,7 @@ pub(crate) fn choice<T: Clone + Send + Sync + 'static>(
     })
 }
 
-/// Reads a sampler of a request by its name: that of every planner but `proposed`.
+/// Reads a sampler of a request by its name: that of every planner that the daemon serves.
 pub(crate) fn samplers() -> impl TypedValueParser<Value = Sampler> {
     let named = |planner: &PlannerName| Some((planner.to_possible_value()?, planner.sampler()?));
     choice(PlannerName::value_variants().iter().filter_map(named))
@@ -114,7 +137,12 @@ mod tests {
         for code in Sampler::ALL {
             assert_eq!(read(code.text()).unwrap(), *code);
         }
-        assert_eq!(PlannerName::value_variants().len(), Sampler::ALL.len() + 1);
+        let others = PlannerName::value_variants().iter();
+        let others = others.filter(|planner| planner.sampler().is_none());
+        assert_eq!(
+            others.filter(|planner| planner.rival().is_none()).count(),
+            1
+        );
         read("proposed").unwrap_err();
     }
 }

@@ -51,6 +51,11 @@ impl Planner {
         self.workers.spawn(task);
     }
 
+    /// Runs a task whose parallel iterators use the workers, and waits for it.
+    pub fn install<T: Send>(&self, task: impl FnOnce() -> T + Send) -> T {
+        self.workers.install(task)
+    }
+
     /// Runs a task on each of the workers, which is told the worker's number, from 0.
     pub fn on_every_worker(&self, task: impl Fn(usize) + Sync) {
         self.workers.broadcast(|worker| task(worker.index()));

@@ -31,7 +31,8 @@ impl GeneratorNotes {
     #[must_use]
     pub fn of_expert(setting: Setting) -> Self {
         Self {
-            obstacle_layout_radius: (matches!(setting, Setting::Reference(_))).then_some(LAYOUT_RADIUS),
+            obstacle_layout_radius: (matches!(setting, Setting::Reference(_)))
+                .then_some(LAYOUT_RADIUS),
             resolved_device: Some("cpu"),
             solver_dtype: Some("float64"),
             ..Self::default()

@@ -1,16 +1,14 @@
 //! From a recipe to the rows of its targets.
 
-use super::repair::Repairer;
-use super::settings::LARGEST_STEP;
-use super::solver::PathSolver;
-use super::target::{Place, TERMINALS};
+use super::path_maker::{Obstruction, PathMaker};
+use super::target::{Surroundings, TERMINALS};
 use crate::format::counts::Counts;
 use crate::recipe::Recipe;
 use crate::row::{Check, Row};
 use crate::scenes::{STARTS, draw_balls};
 use collision::Scene;
 use pcc_model::{Configuration, Point, UnitRobot};
-use planning::{WAYPOINTS, Waypoints};
+use planning::Waypoints;
 use rand_pcg::Pcg64;
 
 /// Why a target is dropped, by the authors' names: fewer than ten clear and distinct terminal solutions; too few starts; none of its paths
@@ -32,8 +30,7 @@ pub fn generate_paper_block(
     let mut generator = Generator {
         robot,
         recipe,
-        solver: PathSolver::new(robot),
-        repairer: Repairer::new(robot),
+        paths: PathMaker::new(robot),
         rows: Vec::new(),
         counts: Counts::with_reasons(&OF_TARGETS, &OF_PATHS),
     };
@@ -55,8 +52,7 @@ struct Case {
 struct Generator<'a> {
     robot: &'a UnitRobot,
     recipe: &'a Recipe,
-    solver: PathSolver,
-    repairer: Repairer<'a>,
+    paths: PathMaker<'a>,
     rows: Vec<Row>,
     counts: Counts,
 }
@@ -89,7 +85,7 @@ impl Generator<'_> {
         let mut rng = Pcg64::new(u128::from(self.recipe.seed), u128::from(index) | 1 << 64);
         let balls = draw_balls(self.recipe.setting, index, &mut rng);
         let scene = Scene::new(balls).expect("the balls of a setting are few and finite");
-        let place = Place {
+        let place = Surroundings {
             robot: self.robot,
             balls: scene.balls(),
         };
@@ -120,23 +116,18 @@ impl Generator<'_> {
         start: &Configuration,
         end: &Configuration,
     ) -> Option<Waypoints> {
-        let (solver, balls) = (&mut self.solver, case.scene.balls());
-        solver.start(self.robot, &case.tip, start, end);
-        if !solver.solve() {
-            self.counts.drop_paths(OF_PATHS[0], 1);
-            return None;
+        let path = self
+            .paths
+            .path(case.scene.balls(), &case.tip, start, end)
+            .map_err(|obstruction| match obstruction {
+                Obstruction::TipLine => OF_PATHS[0],
+                Obstruction::LargeStep => OF_PATHS[1],
+                Obstruction::Collision => OF_PATHS[2],
+            });
+        if let Err(reason) = path {
+            self.counts.drop_paths(reason, 1);
         }
-        let small_steps = |solver: &PathSolver| solver.largest_step() <= LARGEST_STEP;
-        if self.repairer.is_clear(solver, balls) {
-            if !small_steps(solver) {
-                self.counts.drop_paths(OF_PATHS[1], 1);
-                return None;
-            }
-        } else if !(self.repairer.repair(solver, balls) && small_steps(solver)) {
-            self.counts.drop_paths(OF_PATHS[2], 1);
-            return None;
-        }
-        Some((0..WAYPOINTS).map(|h| solver.frame(h)).collect())
+        path.ok()
     }
 
     /// Adds a row; what is checked is the path as it will be stored, with single precision.
@@ -160,6 +151,9 @@ impl Generator<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::repair::Repairer;
+    use super::super::settings::LARGEST_STEP;
+    use super::super::solver::PathSolver;
     use super::*;
     use crate::fixtures::unit_robot;
     use crate::format::dataset::Dataset;

@@ -10,6 +10,7 @@
 
 pub(crate) mod generator;
 mod kinematics;
+pub(crate) mod path_maker;
 mod repair;
 mod sampled;
 pub(crate) mod settings;

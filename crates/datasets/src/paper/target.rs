@@ -29,14 +29,51 @@ const GROUP: usize = 8;
 /// Some configurations, component by component.
 type SideBySide<const N: usize> = [[f64; N]; DOF];
 
-/// A robot and the balls around it.
+/// A robot and the balls around it, with the reference's inverse kinematics and its criterion of collision.
 #[derive(Clone, Copy)]
-pub(super) struct Place<'a> {
+pub struct Surroundings<'a> {
     pub(super) robot: &'a UnitRobot,
     pub(super) balls: &'a [Ball],
 }
 
-impl Place<'_> {
+impl<'a> Surroundings<'a> {
+    /// Balls around a robot.
+    #[must_use]
+    pub fn new(robot: &'a UnitRobot, balls: &'a [Ball]) -> Self {
+        Self { robot, balls }
+    }
+
+    /// Distance of the deepest of a configuration's nine points to a ball, less the tube radius, section lengths; +∞ without balls.
+    #[must_use]
+    pub fn clearance(&self, configuration: &Configuration) -> f64 {
+        let mut samples = Samples::<1>::new();
+        let components = std::array::from_fn(|d| &configuration.as_slice()[d..=d]);
+        samples.look(&self.robot.section_lengths, self.balls, components);
+        samples.distances[0] - self.robot.largest_tube_radius()
+    }
+
+    /// The configuration in which damped Newton steps from a seed have brought the tip within 1e-3 of a point; none where 200 do not.
+    #[must_use]
+    pub fn reach(&self, tip: &Point, seed: &Configuration) -> Option<Configuration> {
+        let (point, mut configuration) = ((*tip).into(), *seed);
+        for _ in 0..=ITERATIONS {
+            let lengths = &self.robot.section_lengths;
+            let step = tip_step(lengths, &configuration.into(), &point, &[0.0; DOF]);
+            if step.squared_distance <= TOLERANCE * TOLERANCE {
+                return Some(configuration);
+            }
+            configuration = self.robot.project_to_limits(&step.next.into());
+        }
+        None
+    }
+
+    /// The configuration of least residual with its tip on a point, among those of 32 random seeds that are clear by the margin of
+    /// repulsion.
+    pub fn best_terminal(&self, tip: &Point, rng: &mut Pcg64) -> Option<Configuration> {
+        let seeds = std::array::from_fn(|_| random_configuration(self.robot, rng));
+        self.clear_solutions(&seeds, tip).into_iter().next()
+    }
+
     /// Whether each of some shapes is clear by the margin of repulsion.
     fn are_clear<const N: usize>(&self, shapes: &SideBySide<N>) -> [bool; N] {
         let margin = REPULSION * self.robot.largest_tube_radius();
@@ -73,7 +110,18 @@ impl Place<'_> {
         for seed in &mut seeds[1..] {
             *seed = random_configuration(self.robot, rng);
         }
-        let mut shapes = side_by_side(&seeds);
+        let mut distinct = Vec::with_capacity(TERMINALS);
+        for shape in self.clear_solutions(&seeds, tip) {
+            if distinct.len() < TERMINALS && is_apart(&distinct, &shape) {
+                distinct.push(shape);
+            }
+        }
+        distinct.try_into().ok()
+    }
+
+    /// The configurations to which seeds bring the tip on a point and that are clear by the margin of repulsion, best residual first.
+    fn clear_solutions(&self, seeds: &[Configuration; SEEDS], tip: &Point) -> Vec<Configuration> {
+        let mut shapes = side_by_side(seeds);
         let residuals = self.solve(&mut shapes, tip);
         let clear = self.are_clear(&shapes);
         let mut found = Vec::with_capacity(SEEDS);
@@ -83,13 +131,7 @@ impl Place<'_> {
             }
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut distinct = Vec::with_capacity(TERMINALS);
-        for (_, shape) in found {
-            if distinct.len() < TERMINALS && is_apart(&distinct, &shape) {
-                distinct.push(shape);
-            }
-        }
-        distinct.try_into().ok()
+        found.into_iter().map(|(_, shape)| shape).collect()
     }
 
     /// Damped Newton steps of the seeds towards a tip, each until it is there; their squared residuals.
@@ -189,7 +231,7 @@ mod tests {
     use collision::Scene;
 
     /// Clearance of the reference's nine points beyond the ball.
-    fn sampled_clearance(place: &Place, shape: &Configuration) -> f64 {
+    fn sampled_clearance(place: &Surroundings, shape: &Configuration) -> f64 {
         let mut samples = Samples::<1>::new();
         let components = std::array::from_fn(|d| &shape.as_slice()[d..=d]);
         samples.look(&place.robot.section_lengths, place.balls, components);
@@ -199,7 +241,7 @@ mod tests {
     #[test]
     fn terminals_and_starts_keep_what_is_promised() {
         let (robot, balls) = (unit_robot(), reference_layout(4));
-        let place = Place {
+        let place = Surroundings {
             robot: &robot,
             balls: &balls,
         };
@@ -230,7 +272,7 @@ mod tests {
     #[test]
     fn the_generating_configuration_is_the_best_terminal() {
         let (robot, scene) = (unit_robot(), Scene::default());
-        let place = Place {
+        let place = Surroundings {
             robot: &robot,
             balls: scene.balls(),
         };

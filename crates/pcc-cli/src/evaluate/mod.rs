@@ -6,18 +6,23 @@ mod arrays;
 mod proposals;
 mod summary;
 
+pub(crate) use answer::Answer;
 pub(crate) use arguments::Arguments;
+pub(crate) use summary::machine;
 
-use self::answer::Answer;
 use crate::output_files::{make_writable, write_whole};
 use crate::planner::{Loaded, load};
 use crate::robot::unit_robot;
+use crate::sampler::PlannerName;
 use datasets::Case;
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::SECTIONS;
 use planning::{
-    Goal, MovingObstacles, Planner, PlannerError, Problem, Request, Sampler, Waypoints,
+    Goal, MovingObstacles, Planner, PlannerError, Problem, Request, Sampler, Stage, Waypoints,
 };
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+use rivals::{Query, Rival};
 use std::time::Instant;
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
@@ -53,20 +58,35 @@ fn answer_all(
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} cases, {eta} left")?;
     let bar = ProgressBar::new(cases.len() as u64).with_style(style);
     let mut proposals = proposals.map(Vec::into_iter);
+    let asked = Asked {
+        planner: arguments.planner,
+        candidates: arguments.candidates,
+        corrections: arguments.corrections,
+    };
     let answer = |(index, case): (usize, Case)| {
         bar.inc(1);
         let seed = arguments.seed.wrapping_add(index as u64);
         let given = proposals.as_mut().and_then(Iterator::next);
-        answer(planner, arguments, seed, case, given)
+        answer(planner, asked, seed, case, given)
     };
     let answers = cases.into_iter().enumerate().map(answer).collect();
     bar.finish_and_clear();
     answers
 }
 
-fn answer(
+/// What a planner is asked for in every case.
+#[derive(Clone, Copy)]
+pub(crate) struct Asked {
+    pub(crate) planner: PlannerName,
+    pub(crate) candidates: usize,
+    /// Corrections that a drawn path gets before it is given up.
+    pub(crate) corrections: usize,
+}
+
+/// A planner's answer to a case, or its judgement of given paths.
+pub(crate) fn answer(
     planner: &Planner,
-    arguments: &Arguments,
+    asked: Asked,
     seed: u64,
     case: Case,
     given: Option<Vec<Waypoints>>,
@@ -78,29 +98,63 @@ fn answer(
         moving: MovingObstacles::default(),
     };
     let request = Request {
-        candidates: arguments.candidates,
+        candidates: asked.candidates,
         seed,
-        sampler: arguments.planner.sampler().unwrap_or(Sampler::Straight),
+        sampler: asked.planner.sampler().unwrap_or(Sampler::Straight),
         limits_scale: 1.0,
         padding: [0.0; SECTIONS],
         knots: 96,
-        corrections: arguments.corrections,
+        corrections: asked.corrections,
         start_motion: None,
         previous: None,
     };
     let clock = Instant::now();
-    let answered = match given {
+    let rival = asked.planner.rival();
+    let drawn = rival.map(|rival| attempts(rival, planner, &problem, &request));
+    let drawing_s = clock.elapsed().as_secs_f64();
+    let answered = match given.or(drawn) {
         Some(paths) => planner.evaluate_paths(&problem, &request, paths, &|| false),
         None => planner.plan(&problem, &request, &|| false),
     };
     let plan = match answered {
-        Ok(plan) => Ok(plan),
+        Ok(mut plan) => {
+            if rival.is_some() {
+                plan.stages[Stage::Sample] += drawing_s;
+            }
+            Ok(plan)
+        }
         Err(PlannerError::Infeasible(reason)) => Err(reason),
         Err(other) => return Err(other.into()),
     };
+    let seconds = clock.elapsed().as_secs_f64();
     Ok(Answer {
         case,
         plan,
-        seconds: clock.elapsed().as_secs_f64(),
+        seconds,
+        drawing_s: rival.map_or(seconds, |_| drawing_s),
     })
+}
+
+/// What as many attempts of a rival as there are candidates come to.
+fn attempts(
+    rival: Rival,
+    planner: &Planner,
+    problem: &Problem,
+    request: &Request,
+) -> Vec<Waypoints> {
+    let Goal::Tip(target) = problem.goal else {
+        return Vec::new();
+    };
+    let query = Query {
+        robot: planner.robot(),
+        balls: problem.scene.balls(),
+        start: problem.start,
+        target,
+    };
+    let attempt = |index| {
+        let mut rng = Pcg64::new(u128::from(request.seed), index as u128);
+        rival.attempt(&query, &mut rng)
+    };
+    let indices = (0..request.candidates).into_par_iter();
+    planner.install(|| indices.filter_map(attempt).collect())
 }

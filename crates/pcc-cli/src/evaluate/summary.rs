@@ -329,7 +329,8 @@ fn first_words(reason: &str) -> String {
     reason.split(':').next().unwrap_or(reason).to_owned()
 }
 
-fn machine() -> String {
+/// The processor and how many of it there are.
+pub(crate) fn machine() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = text
         .lines()

@@ -6,23 +6,26 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use bytemuck::Pod;
 use mcap::read::{MessageStream, Options};
-use shared_types::message::{Cycle, Payload, PlanRecord, RobotDescription, TrajectoryMessage};
+use shared_types::message::{
+    Cycle, Payload, PlanRecord, RobotDescription, SceneMessage, TrajectoryMessage,
+};
 
 use crate::record::ENCODING;
 
-/// What is replayed of a record.
+/// What is replayed, or shown, of a record.
 #[derive(Default)]
-pub(super) struct Recording {
-    pub(super) robots: Vec<RobotDescription>,
-    pub(super) plans: Vec<PlanRecord>,
-    pub(super) trajectories: Vec<TrajectoryMessage>,
-    pub(super) cycles: Vec<Cycle>,
+pub(crate) struct Recording {
+    pub(crate) robots: Vec<RobotDescription>,
+    pub(crate) plans: Vec<PlanRecord>,
+    pub(crate) trajectories: Vec<TrajectoryMessage>,
+    pub(crate) cycles: Vec<Cycle>,
+    pub(crate) scenes: Vec<SceneMessage>,
     /// Why the file ends before its end, if it does.
-    pub(super) cut_off: Option<String>,
+    pub(crate) cut_off: Option<String>,
 }
 
 impl Recording {
-    pub(super) fn read(file: &Path) -> anyhow::Result<Self> {
+    pub(crate) fn read(file: &Path) -> anyhow::Result<Self> {
         let bytes = fs::read(file).with_context(|| file.display().to_string())?;
         let messages = MessageStream::new_with_options(&bytes, Options::IgnoreEndMagic.into());
         let messages = messages.with_context(|| format!("{} is no MCAP file", file.display()))?;
@@ -48,6 +51,7 @@ impl Recording {
                 ("plan_record", of) => recording.plans.push(read(&message.data, of)?),
                 ("robot_description", of) => recording.robots.push(read(&message.data, of)?),
                 ("trajectory", of) => recording.trajectories.push(read(&message.data, of)?),
+                ("scene", of) => recording.scenes.push(read(&message.data, of)?),
                 ("cycle", of) => recording.cycles.push(read(&message.data, of)?),
                 _ => {}
             }

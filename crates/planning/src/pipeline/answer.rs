@@ -132,7 +132,7 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         (None, Some(later)) => (later, segments),
         (None, None) => (&braking, segments),
     };
-    let anew = |end: &Configuration| fastest_to(context, braking, end);
+    let anew = |braking: &Braking, end: &Configuration| fastest_to(context, braking, end);
     let joining = Joining {
         braking,
         anew: is_afresh.then_some(&anew),

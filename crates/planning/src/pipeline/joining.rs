@@ -26,12 +26,13 @@ const LITTLE_GAIN: f64 = 0.15;
 #[derive(Clone, Copy)]
 pub(super) struct Joining<'a> {
     pub(super) braking: &'a Braking<'a>,
-    /// Plans from where the robot then rests to one configuration alone; its fastest draw. None where the fastest motion is taken as it is.
+    /// Plans from where the robot rests after a braking to one configuration alone; its fastest draw. None where the fastest motion is taken
+    /// as it is.
     pub(super) anew: Option<&'a PlanAnew<'a>>,
 }
 
-/// The fastest draw of a plan to a configuration.
-type PlanAnew<'a> = dyn Fn(&Configuration) -> Option<Draw> + Sync + 'a;
+/// The fastest draw of a plan from where a robot rests after a braking to a configuration.
+type PlanAnew<'a> = dyn Fn(&Braking, &Configuration) -> Option<Draw> + Sync + 'a;
 
 /// Straight segments to goal configurations, joined to a braking before other paths are planned.
 #[derive(Default)]
@@ -243,12 +244,7 @@ impl Joining<'_> {
         late: Option<Late<'_>>,
     ) -> Vec<Joined> {
         self.join_fastest(&from_rest, &mut joined);
-        if let Some(anew) = self.plan_fastest_anew(&mut joined) {
-            let index = anew.joined.draw;
-            plan.draws[index] = anew.draw;
-            let replaced = from_rest.iter_mut().filter(|it| it.draw == index);
-            replaced.for_each(|it| it.clone_from(&anew.from_rest));
-        }
+        self.put_fastest_anew(plan, &mut joined, &mut from_rest);
         plan.truncated |= self.is_interrupted();
         let Some(braking) = late.and_then(|late| (late.braking)()) else {
             let others = from_rest.split_off(joined.len());
@@ -256,13 +252,30 @@ impl Joining<'_> {
         };
         let later = Joining {
             braking: &braking,
-            anew: None,
+            ..*self
         };
         let fastest = select_of(&joined).map(|fastest| fastest.draw);
         from_rest.sort_by_key(|it| Some(it.draw) != fastest);
         let others = from_rest.split_off(from_rest.len().min(1));
-        let first = from_rest.iter().map(|first| later.outcome(first));
-        later.join_others(first.collect(), &others, late)
+        let mut first: Vec<Joined> = from_rest.iter().map(|it| later.outcome(it)).collect();
+        later.put_fastest_anew(plan, &mut first, &mut from_rest);
+        later.join_others(first, &others, late)
+    }
+
+    /// Puts the fastest motion planned anew, where that is faster, in the place of the one that is joined.
+    fn put_fastest_anew(
+        &self,
+        plan: &mut Plan,
+        joined: &mut [Joined],
+        from_rest: &mut [Candidate],
+    ) {
+        let Some(anew) = self.plan_fastest_anew(joined) else {
+            return;
+        };
+        let index = anew.joined.draw;
+        plan.draws[index] = anew.draw;
+        let replaced = from_rest.iter_mut().filter(|it| it.draw == index);
+        replaced.for_each(|it| it.clone_from(&anew.from_rest));
     }
 
     /// Tells the fastest of what is joined, and joins the other motions to the braking meanwhile; all of them.
@@ -327,7 +340,7 @@ impl Joining<'_> {
             return None;
         }
         let segment = self.segment(fastest.0, &end, f64::INFINITY).ok();
-        let it = segment.or_else(|| self.joined(fastest.0, anew(&end)?))?;
+        let it = segment.or_else(|| self.joined(fastest.0, anew(self.braking, &end)?))?;
         let it = self.braked_otherwise(it);
         if it.joined.metrics.duration_s >= duration_s(fastest) {
             return None;

@@ -1,0 +1,70 @@
+//! The arguments of `pcc compare`.
+
+use super::case_sets::CaseSet;
+use crate::number;
+use crate::planner::ModelArguments;
+use crate::sampler::PlannerName;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Cases of each set, without and with `--quick`.
+const CASES: [usize; 2] = [250, 20];
+
+/// Arguments of `pcc compare`.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Planners to compare, separated by commas; without it all but `proposed`.
+    #[arg(long, value_enum, value_delimiter = ',')]
+    planners: Vec<PlannerName>,
+    /// Sets of cases, separated by commas: reference, general and hard, which are generated from seeds that nothing was trained with, or
+    /// folders with a data set; without it those three.
+    #[arg(long, value_delimiter = ',')]
+    sets: Vec<CaseSet>,
+    /// Cases of each set, at least 2; without it 250, with --quick 20.
+    #[arg(long, value_parser = number::whole(2, usize::MAX))]
+    cases: Option<usize>,
+    /// A small comparison.
+    #[arg(long)]
+    quick: bool,
+    /// Candidates, or attempts, a case (1 to 64).
+    #[arg(long, default_value_t = 10, value_parser = number::candidates())]
+    pub(super) candidates: usize,
+    /// Seed (0 to 2^64 - 1); case i is planned with seed + i (modulo 2^64).
+    #[arg(long, default_value_t = 0, value_parser = number::any())]
+    pub(super) seed: u64,
+    /// Planner that the others are paired with, case by case.
+    #[arg(long, value_enum, default_value = "fast")]
+    pub(super) against: PlannerName,
+    /// Worker threads of the planners, at most 256 (0: one a core).
+    #[arg(long, default_value_t = 0, value_parser = number::threads())]
+    pub(super) threads: usize,
+    /// Robot file.
+    #[arg(long, default_value = "config/robots/unit.toml")]
+    pub(super) robot: PathBuf,
+    #[command(flatten)]
+    pub(super) models: ModelArguments,
+    /// Folder for compare.json and compare.csv; cases that are in it already are not planned again.
+    #[arg(long)]
+    pub(super) out: PathBuf,
+}
+
+impl Arguments {
+    pub(super) fn planners(&self) -> Vec<PlannerName> {
+        let all = PlannerName::value_variants().iter().copied();
+        match self.planners.is_empty() {
+            true => all.filter(|name| *name != PlannerName::Proposed).collect(),
+            false => self.planners.clone(),
+        }
+    }
+
+    pub(super) fn sets(&self) -> Vec<CaseSet> {
+        match self.sets.is_empty() {
+            true => CaseSet::GENERATED.to_vec(),
+            false => self.sets.clone(),
+        }
+    }
+
+    pub(super) fn cases(&self) -> usize {
+        self.cases.unwrap_or(CASES[usize::from(self.quick)])
+    }
+}

@@ -1,0 +1,196 @@
+//! Figures of a planner over some cases, and of pairs of planners case by case.
+
+use super::bootstrap::{Interval, interval};
+use super::case_log::{CaseRecord, MotionRecord};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Figures of a planner over some cases, each with its interval over cases.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Figures {
+    pub(super) cases: usize,
+    /// Share of the candidates asked for that succeed by the paper's criterion as they were drawn.
+    pub(super) success: Interval,
+    /// Share of the candidates asked for that are certified motions.
+    pub(super) certified: Interval,
+    /// Share of the cases with a certified motion.
+    pub(super) answered: Interval,
+    /// Median time of a request, s.
+    pub(super) request_s: Interval,
+    /// Time of all requests, until the drawn paths were there, ÷ those that succeed by the paper's criterion, s.
+    pub(super) seconds_a_success: Interval,
+    /// Time of all requests ÷ certified motions, s.
+    pub(super) seconds_a_certified: Interval,
+    /// Medians over certified motions.
+    pub(super) tip_length_ratio: Interval,
+    pub(super) tip_smoothness: Interval,
+    pub(super) duration_s: Interval,
+    /// Mean number of terminal modes of a case's certified motions.
+    pub(super) modes: Interval,
+}
+
+/// A planner's figures on a set, of all cases and of those with so many balls.
+#[derive(Debug, Serialize)]
+pub(super) struct ByBalls {
+    pub(super) all: Figures,
+    pub(super) by_balls: BTreeMap<usize, Figures>,
+}
+
+/// A planner against another one, case by case.
+#[derive(Debug, Serialize)]
+pub(super) struct Paired {
+    /// Certified share less the other's.
+    pub(super) certified_ahead: Interval,
+    /// Success by the paper's criterion less the other's.
+    pub(super) success_ahead: Interval,
+    /// Of the cases in which both have certified motions, the share in which its median is less than the other's.
+    pub(super) tip_shorter: Interval,
+    pub(super) tip_smoother: Interval,
+    pub(super) faster: Interval,
+    /// Mean over those cases of the median tip length ÷ the other's.
+    pub(super) tip_length_ratio: Interval,
+    /// Cases in which both have certified motions.
+    pub(super) both: usize,
+}
+
+impl ByBalls {
+    pub(super) fn of(records: &[CaseRecord]) -> Self {
+        let mut groups: BTreeMap<usize, Vec<CaseRecord>> = BTreeMap::new();
+        for record in records {
+            groups.entry(record.balls).or_default().push(record.clone());
+        }
+        let of_group = |(balls, records): (usize, Vec<CaseRecord>)| (balls, Figures::of(&records));
+        Self {
+            all: Figures::of(records),
+            by_balls: groups.into_iter().map(of_group).collect(),
+        }
+    }
+}
+
+impl Figures {
+    fn of(records: &[CaseRecord]) -> Self {
+        let a_case = |figure: fn(&CaseRecord) -> f64| {
+            interval(records, move |records| {
+                mean(records.iter().map(|record| figure(record)))
+            })
+        };
+        let median_of = |figure: fn(&MotionRecord) -> f64| {
+            interval(records, move |records| {
+                let motions = records.iter().flat_map(|record| &record.motions);
+                median(motions.map(figure))
+            })
+        };
+        let seconds_of_one = |seconds: fn(&CaseRecord) -> f64, count: fn(&CaseRecord) -> usize| {
+            interval(records, move |records| {
+                let made: usize = records.iter().map(|record| count(record)).sum();
+                let seconds: f64 = records.iter().map(|record| seconds(record)).sum();
+                (made > 0).then(|| seconds / made as f64)
+            })
+        };
+        Self {
+            cases: records.len(),
+            success: a_case(success),
+            certified: a_case(certified),
+            answered: a_case(|record| f64::from(u8::from(!record.motions.is_empty()))),
+            request_s: interval(records, |records| {
+                median(records.iter().map(|record| record.seconds))
+            }),
+            seconds_a_success: seconds_of_one(|record| record.drawing_s, |record| record.successes),
+            seconds_a_certified: seconds_of_one(
+                |record| record.seconds,
+                |record| record.motions.len(),
+            ),
+            tip_length_ratio: median_of(|motion| motion.tip_length_ratio),
+            tip_smoothness: median_of(|motion| motion.tip_smoothness),
+            duration_s: median_of(|motion| motion.duration_s),
+            modes: a_case(|record| record.modes as f64),
+        }
+    }
+}
+
+impl Paired {
+    /// Two planners' records of the same cases.
+    pub(super) fn of(records: &[CaseRecord], others: &[CaseRecord]) -> Self {
+        let pairs: Vec<(&CaseRecord, &CaseRecord)> = records.iter().zip(others).collect();
+        let ahead = |share: fn(&CaseRecord) -> f64| {
+            interval(&pairs, move |pairs| {
+                mean(pairs.iter().map(|(own, other)| share(own) - share(other)))
+            })
+        };
+        let have_both = |pair: &&(&CaseRecord, &CaseRecord)| {
+            !pair.0.motions.is_empty() && !pair.1.motions.is_empty()
+        };
+        let both: Vec<_> = pairs.iter().filter(have_both).copied().collect();
+        let less = |figure: fn(&MotionRecord) -> f64| {
+            interval(&both, move |pairs| {
+                let medians = pairs.iter().filter_map(|pair| medians(pair, figure));
+                mean(medians.map(|[own, other]| f64::from(u8::from(own < other))))
+            })
+        };
+        Self {
+            certified_ahead: ahead(certified),
+            success_ahead: ahead(success),
+            tip_shorter: less(|motion| motion.tip_length_ratio),
+            tip_smoother: less(|motion| motion.tip_smoothness),
+            faster: less(|motion| motion.duration_s),
+            tip_length_ratio: interval(&both, |pairs| {
+                let medians = pairs.iter();
+                let medians =
+                    medians.filter_map(|pair| self::medians(pair, |it| it.tip_length_ratio));
+                mean(medians.map(|[own, other]| own / other))
+            }),
+            both: both.len(),
+        }
+    }
+}
+
+fn success(record: &CaseRecord) -> f64 {
+    record.successes as f64 / record.asked as f64
+}
+
+fn certified(record: &CaseRecord) -> f64 {
+    record.motions.len().min(record.asked) as f64 / record.asked as f64
+}
+
+/// Medians of a figure over both planners' certified motions of a case.
+fn medians(
+    (own, other): &(&CaseRecord, &CaseRecord),
+    figure: fn(&MotionRecord) -> f64,
+) -> Option<[f64; 2]> {
+    let own = median(own.motions.iter().map(figure))?;
+    Some([own, median(other.motions.iter().map(figure))?])
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+/// The mean of the two middle values where their number is even.
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    let half = values.len() / 2;
+    if values.is_empty() {
+        return None;
+    }
+    let is_even = values.len().is_multiple_of(2);
+    let (lower, upper, _) = values.select_nth_unstable_by(half, f64::total_cmp);
+    let below = lower.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    Some(if is_even {
+        0.5 * (below + *upper)
+    } else {
+        *upper
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn medians_are_those_of_sorted_values() {
+        assert_eq!(median([3.0, 1.0, 2.0].into_iter()), Some(2.0));
+        assert_eq!(median([4.0, 1.0, 3.0, 2.0].into_iter()), Some(2.5));
+        assert_eq!(median(std::iter::empty()), None);
+    }
+}

@@ -1,0 +1,231 @@
+//! What the page shows, and the page: a template, its style and its script, none of which needs a network.
+
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use collision::Ball;
+use pcc_model::{Backbone, Configuration, SECTIONS};
+use serde::{Serialize, Serializer};
+
+const TEMPLATE: &str = include_str!("../../viewer/page.html");
+const STYLE: &str = include_str!("../../viewer/viewer.css");
+const SCRIPT: &str = include_str!("../../viewer/viewer.bundle.js");
+
+/// Everything that the page shows; positions in the base frame.
+#[derive(Serialize)]
+pub(super) struct View {
+    pub(super) title: String,
+    /// Unit of lengths: `m`, or `L` for section lengths.
+    pub(super) unit: &'static str,
+    pub(super) robot: Body,
+    pub(super) duration_s: f64,
+    /// Clearances at the ends of the colour scale.
+    pub(super) clearance_range: [f64; 2],
+    pub(super) balls: Vec<BallTrack>,
+    pub(super) motions: Vec<Motion>,
+    pub(super) curves: Vec<Curves>,
+    pub(super) marks: Vec<Mark>,
+}
+
+/// The robot's body.
+#[derive(Clone, Copy, Serialize)]
+pub(super) struct Body {
+    pub(super) section_lengths: [f64; SECTIONS],
+    pub(super) tube_radii: [f64; SECTIONS],
+}
+
+/// A ball that moves evenly from one time to another.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(super) struct BallTrack {
+    /// At `from_s`.
+    pub(super) centre: [f64; 3],
+    /// A second.
+    pub(super) velocity: [f64; 3],
+    pub(super) radius: f64,
+    pub(super) from_s: f64,
+    pub(super) until_s: f64,
+}
+
+/// A motion of the robot, sampled.
+#[derive(Serialize)]
+pub(super) struct Motion {
+    pub(super) name: String,
+    /// Whether it is shown from the beginning, and solid.
+    pub(super) is_selected: bool,
+    pub(super) time_s: Samples,
+    /// Six radians a sample.
+    pub(super) configurations_rad: Samples,
+    /// NaN without obstacles.
+    pub(super) clearance: Samples,
+}
+
+/// Curves over time that are shown together.
+#[derive(Serialize)]
+pub(super) struct Curves {
+    pub(super) name: &'static str,
+    pub(super) unit: &'static str,
+    pub(super) labels: Vec<String>,
+    pub(super) time_s: Samples,
+    pub(super) values: Vec<Samples>,
+}
+
+/// A vertical line in the curves.
+#[derive(Clone, Copy, Serialize)]
+pub(super) struct Mark {
+    pub(super) time_s: f64,
+}
+
+/// Numbers, in the page as base64 of little-endian f32.
+#[derive(Default)]
+pub(super) struct Samples(pub(super) Vec<f64>);
+
+impl Serialize for Samples {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let bytes = self
+            .0
+            .iter()
+            .flat_map(|value| (*value as f32).to_le_bytes());
+        serializer.serialize_str(&BASE64_STANDARD.encode(bytes.collect::<Vec<u8>>()))
+    }
+}
+
+impl FromIterator<f64> for Samples {
+    fn from_iter<I: IntoIterator<Item = f64>>(values: I) -> Self {
+        Self(values.into_iter().collect())
+    }
+}
+
+impl Body {
+    /// Least clearance of a configuration (rad) from balls; NaN where there are none.
+    pub(super) fn clearance(&self, configuration: &Configuration, balls: Vec<Ball>) -> f64 {
+        let Ok(scene) = collision::Scene::new(balls) else {
+            return f64::NAN;
+        };
+        let backbone = Backbone::new(&self.section_lengths, configuration);
+        let clearance = scene.clearance(&backbone, &self.tube_radii);
+        if clearance.is_finite() {
+            clearance
+        } else {
+            f64::NAN
+        }
+    }
+}
+
+impl BallTrack {
+    /// The ball at a time; none while it is not there.
+    pub(super) fn at(&self, time_s: f64) -> Option<Ball> {
+        let is_there = (self.from_s..=self.until_s).contains(&time_s);
+        let since_s = time_s - self.from_s;
+        let centre = |axis| self.centre[axis] + since_s * self.velocity[axis];
+        is_there.then(|| Ball {
+            centre: std::array::from_fn(centre).into(),
+            radius: self.radius,
+        })
+    }
+}
+
+impl Motion {
+    /// A motion by its samples.
+    pub(super) fn new(
+        name: String,
+        is_selected: bool,
+        samples: &[(f64, Configuration)],
+        body: &Body,
+        balls: &[BallTrack],
+    ) -> Self {
+        let clearance = |(time_s, configuration): &(f64, Configuration)| {
+            let there = balls.iter().filter_map(|ball| ball.at(*time_s));
+            body.clearance(configuration, there.collect())
+        };
+        Self {
+            name,
+            is_selected,
+            time_s: samples.iter().map(|it| it.0).collect(),
+            configurations_rad: samples.iter().flat_map(|it| it.1.iter().copied()).collect(),
+            clearance: samples.iter().map(clearance).collect(),
+        }
+    }
+}
+
+/// The ends of the colour scale: from contact, or what comes nearest, to a tube's radius of room and no farther than anything comes.
+pub(super) fn clearance_range(motions: &[Motion], body: &Body) -> [f64; 2] {
+    let all = motions.iter().flat_map(|motion| &motion.clearance.0);
+    let all = all.copied().filter(|clearance| clearance.is_finite());
+    let (least, most) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), it| {
+        (least.min(it), most.max(it))
+    });
+    if least > most {
+        return [0.0; 2];
+    }
+    let room = body.tube_radii.iter().copied().fold(0.0, f64::max);
+    [least.min(0.0), most.min(room).max(least)]
+}
+
+/// The page as HTML.
+pub(super) fn html(view: &View) -> anyhow::Result<String> {
+    // In a script element only `</` could end the data, and JSON allows the slash to be escaped.
+    let data = serde_json::to_string(view)?.replace("</", "<\\/");
+    let title = view.title.replace('&', "&amp;").replace('<', "&lt;");
+    let parts = [
+        ("{title}", title.as_str()),
+        ("{style}", STYLE),
+        ("{data}", &data),
+        ("{script}", SCRIPT),
+    ];
+    let mut page = String::with_capacity(TEMPLATE.len() + STYLE.len() + SCRIPT.len() + data.len());
+    let mut rest = TEMPLATE;
+    while let Some(at) = rest.find('{') {
+        let (before, from) = rest.split_at(at);
+        page += before;
+        let part = parts.iter().find(|(name, _)| from.starts_with(name));
+        let (name, text) = part.copied().unwrap_or(("{", "{"));
+        page += text;
+        rest = &from[name.len()..];
+    }
+    Ok(page + rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_base64_of_little_endian_f32() {
+        let text = serde_json::to_string(&Samples(vec![1.0, -2.5])).unwrap();
+        assert_eq!(text, "\"AACAPwAAIMA=\"");
+    }
+
+    #[test]
+    fn a_title_cannot_leave_its_place_and_data_cannot_end_its_element() {
+        let view = View {
+            title: "</script><b>{data}".to_owned(),
+            unit: "m",
+            robot: Body {
+                section_lengths: [1.0; SECTIONS],
+                tube_radii: [0.2; SECTIONS],
+            },
+            duration_s: 1.0,
+            clearance_range: [0.0; 2],
+            balls: Vec::new(),
+            motions: Vec::new(),
+            curves: Vec::new(),
+            marks: Vec::new(),
+        };
+        let page = html(&view).unwrap();
+        assert!(page.contains("&lt;/script>&lt;b>{data}"));
+        assert!(page.contains("<\\/script><b>{data}"));
+        assert_eq!(page.matches("id=\"data\"").count(), 1);
+    }
+
+    #[test]
+    fn a_ball_is_where_it_moves_to_while_it_is_there() {
+        let track = BallTrack {
+            centre: [1.0, 0.0, 0.0],
+            velocity: [0.0, 2.0, 0.0],
+            radius: 0.1,
+            from_s: 1.0,
+            until_s: 2.0,
+        };
+        assert_eq!(track.at(1.5).unwrap().centre.as_slice(), [1.0, 1.0, 0.0]);
+        assert!(track.at(0.9).is_none() && track.at(2.1).is_none());
+    }
+}
