@@ -133,10 +133,20 @@ impl Arguments {
     }
 }
 
-/// Generates a set of cases that nothing was trained with, or goes on with it, in a folder.
+/// How cases are generated that nothing was trained with.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Unseen {
+    pub(crate) setting: &'static str,
+    /// `paper` keeps the cases with a path of the paper's own, `cases` every case that is drawn.
+    pub(crate) method: &'static str,
+    pub(crate) starts: usize,
+    pub(crate) ends: usize,
+    pub(crate) seed: u64,
+}
+
+/// Generates such a set, or goes on with it, in a folder.
 pub(crate) fn generate_unseen(
-    setting: &str,
-    recipe: &crate::compare::Recipe,
+    recipe: &Unseen,
     targets: u64,
     robot: &Path,
     out: &Path,
@@ -146,7 +156,7 @@ pub(crate) fn generate_unseen(
         return Ok(());
     }
     generate(&Arguments {
-        setting: SettingName::from_str(setting, false).map_err(|_| named(setting))?,
+        setting: SettingName::from_str(recipe.setting, false).map_err(|_| named(recipe.setting))?,
         method: Method::from_str(recipe.method, false).map_err(|_| named(recipe.method))?,
         balls: None,
         targets,

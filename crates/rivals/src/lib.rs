@@ -8,12 +8,13 @@
 #[cfg(test)]
 mod fixtures;
 mod potential_field;
+mod query;
 mod tip_spacing;
 mod tree;
 
-use collision::Ball;
+pub use query::Query;
+
 use datasets::reference::{PathMaker, Surroundings};
-use pcc_model::{Configuration, Point, UnitRobot};
 use planning::Waypoints;
 use rand_pcg::Pcg64;
 use tree::{Growth, Space};
@@ -31,19 +32,6 @@ pub enum Rival {
     WRrtStar,
     /// The straight tip path to one goal configuration, pushed out of the balls.
     Apf,
-}
-
-/// What an attempt is asked for.
-#[derive(Clone, Copy)]
-pub struct Query<'a> {
-    /// The robot whose tubes are to stay clear.
-    pub robot: &'a UnitRobot,
-    /// The obstacles.
-    pub balls: &'a [Ball],
-    /// The configuration that the path begins in.
-    pub start: Configuration,
-    /// The tip position that it is to end in.
-    pub target: Point,
 }
 
 impl Rival {

@@ -1,6 +1,6 @@
 //! The artificial potential field: a straight tip path that repulsion pushes out of the balls.
 
-use crate::Query;
+use crate::query::Query;
 use datasets::reference::{PathMaker, Surroundings};
 use planning::Waypoints;
 use rand_pcg::Pcg64;

@@ -1,6 +1,6 @@
 //! RRT and RRT* as the paper's comparison has them: nodes alone are looked at, costs are tip lengths.
 
-use crate::Query;
+use crate::query::Query;
 use crate::tip_spacing::equally_spaced;
 use datasets::reference::{LARGEST_STEP, Surroundings, random_workspace_point};
 use pcc_model::{Configuration, Point};

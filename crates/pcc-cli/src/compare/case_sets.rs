@@ -1,6 +1,6 @@
 //! Sets of cases: generated ones that nothing was trained with, and folders.
 
-use crate::dataset;
+use crate::dataset::{Unseen, generate_unseen};
 use anyhow::{Context, ensure};
 use datasets::{Case, Dataset, Split};
 use std::fmt::{self, Display};
@@ -11,57 +11,53 @@ use std::str::FromStr;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum CaseSet {
     /// A set of this name that is generated.
-    Generated(&'static Recipe),
+    Generated(&'static Generated),
     /// A folder with a data set.
     Folder(PathBuf),
 }
 
-/// How cases are generated (docs/evaluation.md "Cases").
+/// A set that is generated.
 #[derive(Debug, PartialEq)]
-pub(crate) struct Recipe {
-    pub(super) name: &'static str,
-    /// Generator: `paper` keeps the cases with a path of the paper's own, `cases` every case that is drawn.
-    pub(crate) method: &'static str,
-    pub(crate) starts: usize,
-    pub(crate) ends: usize,
-    pub(crate) seed: u64,
+pub(crate) struct Generated {
+    recipe: Unseen,
     /// Targets that make at least ten cases.
     targets_for_ten_cases: usize,
 }
 
-static RECIPES: [Recipe; 3] = [
-    Recipe {
-        name: "reference",
-        method: "paper",
-        starts: 5,
-        ends: 10,
-        seed: 9003,
-        targets_for_ten_cases: 4,
-    },
-    Recipe {
-        name: "general",
-        method: "cases",
-        starts: 3,
-        ends: 1,
-        seed: 9001,
-        targets_for_ten_cases: 5,
-    },
-    Recipe {
-        name: "hard",
-        method: "cases",
-        starts: 3,
-        ends: 1,
-        seed: 9002,
-        targets_for_ten_cases: 9,
-    },
+/// docs/evaluation.md "Cases".
+static SETS: [Generated; 3] = [
+    generated("reference", "paper", 5, 10, 9003, 4),
+    generated("general", "cases", 3, 1, 9001, 5),
+    generated("hard", "cases", 3, 1, 9002, 9),
 ];
+
+const fn generated(
+    setting: &'static str,
+    method: &'static str,
+    starts: usize,
+    ends: usize,
+    seed: u64,
+    targets_for_ten_cases: usize,
+) -> Generated {
+    let recipe = Unseen {
+        setting,
+        method,
+        starts,
+        ends,
+        seed,
+    };
+    Generated {
+        recipe,
+        targets_for_ten_cases,
+    }
+}
 
 impl CaseSet {
     /// The sets that are generated.
     pub(super) const GENERATED: [Self; 3] = [
-        Self::Generated(&RECIPES[0]),
-        Self::Generated(&RECIPES[1]),
-        Self::Generated(&RECIPES[2]),
+        Self::Generated(&SETS[0]),
+        Self::Generated(&SETS[1]),
+        Self::Generated(&SETS[2]),
     ];
 
     /// The first so many cases; what is generated stays in a folder, beside its blocks.
@@ -73,10 +69,11 @@ impl CaseSet {
     ) -> anyhow::Result<Vec<Case>> {
         let folder = match self {
             Self::Folder(folder) => folder.clone(),
-            Self::Generated(recipe) => {
-                let targets = (count * recipe.targets_for_ten_cases).div_ceil(10) as u64;
-                let folder = out.join("sets").join(format!("{}-{targets}", recipe.name));
-                dataset::generate_unseen(recipe.name, recipe, targets, robot, &folder)?;
+            Self::Generated(set) => {
+                let targets = (count * set.targets_for_ten_cases).div_ceil(10) as u64;
+                let name = format!("{}-{targets}", set.recipe.setting);
+                let folder = out.join("sets").join(name);
+                generate_unseen(&set.recipe, targets, robot, &folder)?;
                 folder
             }
         };
@@ -96,7 +93,7 @@ impl CaseSet {
 impl Display for CaseSet {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Generated(recipe) => f.write_str(recipe.name),
+            Self::Generated(set) => f.write_str(set.recipe.setting),
             Self::Folder(folder) => folder.display().fmt(f),
         }
     }
@@ -106,7 +103,7 @@ impl FromStr for CaseSet {
     type Err = std::convert::Infallible;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let recipe = RECIPES.iter().find(|recipe| recipe.name == text);
-        Ok(recipe.map_or_else(|| Self::Folder(text.into()), Self::Generated))
+        let set = SETS.iter().find(|set| set.recipe.setting == text);
+        Ok(set.map_or_else(|| Self::Folder(text.into()), Self::Generated))
     }
 }

@@ -1,17 +1,20 @@
-//! `pcc compare`: planners over the same cases, with confidence intervals; `compare.json` and `compare.csv`.
+//! `pcc compare`: planners over the same cases, with confidence intervals: `compare.json`, `compare.csv` and a page.
 
 mod arguments;
 mod bootstrap;
 mod case_log;
 mod case_sets;
+mod charts;
+mod comparison;
 mod figures;
+mod page;
 mod table;
 
 pub(crate) use arguments::Arguments;
-pub(crate) use case_sets::Recipe;
 
 use self::case_log::{CaseLog, CaseRecord};
 use self::case_sets::CaseSet;
+use self::comparison::{Comparison, PlannerResult, SetResult};
 use self::figures::{ByBalls, Paired};
 use crate::evaluate::{Asked, answer};
 use crate::output_files::{make_writable, write_whole};
@@ -21,44 +24,11 @@ use crate::sampler::{PlannerName, name_of};
 use datasets::Case;
 use indicatif::{ProgressBar, ProgressStyle};
 use planning::MOST_CORRECTIONS;
-use serde::Serialize;
 use serde_json::json;
 use std::path::Path;
 
 /// Lines of progress of one planner on one set, where there is no terminal to draw a bar on.
 const PROGRESS_LINES: usize = 5;
-
-/// The content of `compare.json`.
-#[derive(Serialize)]
-struct Comparison {
-    /// Planner that the others are paired with.
-    against: String,
-    candidates: usize,
-    seed: u64,
-    threads: usize,
-    machine: String,
-    sets: Vec<SetResult>,
-}
-
-/// What came of one set of cases.
-#[derive(Serialize)]
-struct SetResult {
-    set: String,
-    cases: usize,
-    planners: Vec<PlannerResult>,
-}
-
-/// What came of one planner on one set.
-#[derive(Serialize)]
-struct PlannerResult {
-    planner: String,
-    #[serde(flatten)]
-    models: ModelRecords,
-    #[serde(flatten)]
-    figures: ByBalls,
-    /// Beside the planner that it is paired with; none of that one itself.
-    paired: Option<Paired>,
-}
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     make_writable(&arguments.out.join("cases"))?;
@@ -82,6 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         &serde_json::to_string_pretty(&comparison)?,
     )?;
     write_whole(&out.join("compare.csv"), &table::csv(&comparison))?;
+    write_whole(&out.join("index.html"), &page::html(&comparison)?)?;
     table::print(&comparison);
     Ok(())
 }

@@ -1,0 +1,189 @@
+//! Charts of a comparison as SVG: a row a planner with its interval, and shares by number of balls.
+
+use super::bootstrap::Interval;
+use super::comparison::{PlannerResult, SetResult};
+use anyhow::anyhow;
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use std::error::Error;
+
+const WIDTH: u32 = 620;
+/// Height of a row, of the title and of the axis, pixels.
+const ROW: u32 = 24;
+const TITLE: u32 = 34;
+const AXIS: u32 = 46;
+/// Room for the names of the planners, pixels.
+const NAMES: u32 = 130;
+const OURS: RGBColor = RGBColor(31, 105, 178);
+const OTHERS: RGBColor = RGBColor(128, 138, 148);
+const INK: RGBColor = RGBColor(28, 39, 51);
+/// Planners of this project: what it serves, and its learned sampler.
+const OWN: [&str; 2] = ["default", "fast"];
+/// Colours of the lines by number of balls.
+const LINES: [RGBColor; 10] = [
+    OURS,
+    RGBColor(194, 87, 26),
+    RGBColor(47, 143, 91),
+    RGBColor(138, 79, 176),
+    RGBColor(181, 138, 0),
+    RGBColor(20, 134, 140),
+    RGBColor(194, 59, 107),
+    RGBColor(107, 122, 31),
+    RGBColor(77, 87, 196),
+    RGBColor(140, 90, 60),
+];
+
+type Drawn = Result<(), Box<dyn Error>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// A figure of every planner, a row each: a dot, and its interval as a line. Planners without a value have an empty row.
+pub(super) fn rows(
+    set: &SetResult,
+    title: &str,
+    is_logarithmic: bool,
+    figure: fn(&PlannerResult) -> Interval,
+) -> anyhow::Result<String> {
+    let rows: Vec<(&str, Interval)> = set
+        .planners
+        .iter()
+        .map(|it| (it.planner.as_str(), figure(it)))
+        .collect();
+    let height = TITLE + AXIS + ROW * rows.len() as u32;
+    svg(height, |area| match is_logarithmic {
+        true => logarithmic_rows(area, title, &rows),
+        false => linear_rows(area, title, &rows),
+    })
+}
+
+fn svg(height: u32, draw: impl FnOnce(&Area) -> Drawn) -> anyhow::Result<String> {
+    let mut text = String::new();
+    {
+        let area = SVGBackend::with_string(&mut text, (WIDTH, height)).into_drawing_area();
+        area.fill(&WHITE)
+            .map_err(|error| anyhow!("no picture: {error}"))?;
+        draw(&area).map_err(|error| anyhow!("no picture: {error}"))?;
+        area.present()
+            .map_err(|error| anyhow!("no picture: {error}"))?;
+    }
+    Ok(text)
+}
+
+/// Writes a chart's rows, whose horizontal axis is made by `range`.
+macro_rules! draw_rows {
+    ($area:expr, $title:expr, $rows:expr, $range:expr, $label:expr) => {{
+        let count = $rows.len() as f64;
+        let mut chart = ChartBuilder::on($area)
+            .caption($title, ("sans-serif", 16).into_font().color(&INK))
+            .margin_right(20)
+            .x_label_area_size(30)
+            .y_label_area_size(NAMES)
+            .build_cartesian_2d($range, 0.0..count)?;
+        chart
+            .configure_mesh()
+            .disable_y_mesh()
+            .disable_y_axis()
+            .y_labels(0)
+            .x_labels(8)
+            .x_label_formatter(&$label)
+            .label_style(("sans-serif", 12).into_font().color(&INK))
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(OTHERS.mix(0.3))
+            .axis_style(OTHERS)
+            .draw()?;
+        for (index, (name, interval)) in $rows.iter().enumerate() {
+            let y = count - index as f64 - 0.5;
+            let colour = if OWN.contains(name) { OURS } else { OTHERS };
+            let (_, pixel) = chart.backend_coord(&(interval.value.unwrap_or(1.0), y));
+            let style = ("sans-serif", 13).into_font().color(&INK);
+            let anchored = style.pos(Pos::new(HPos::Right, VPos::Center));
+            $area.draw(&Text::new(
+                (*name).to_owned(),
+                (NAMES as i32 - 8, pixel),
+                anchored,
+            ))?;
+            if let (Some(value), Some(low), Some(high)) =
+                (interval.value, interval.low, interval.high)
+            {
+                let line = [(low, y), (high, y)];
+                chart.draw_series([PathElement::new(line, colour.stroke_width(3))])?;
+                chart.draw_series([Circle::new((value, y), 5, colour.filled())])?;
+            }
+        }
+        Ok(())
+    }};
+}
+
+/// Shares from 0 to 1, written in percent.
+fn linear_rows(area: &Area, title: &str, rows: &[(&str, Interval)]) -> Drawn {
+    draw_rows!(area, title, rows, 0.0..1.0, |share: &f64| format!(
+        "{:.0} %",
+        100.0 * share
+    ))
+}
+
+/// Values on a logarithmic axis.
+fn logarithmic_rows(area: &Area, title: &str, rows: &[(&str, Interval)]) -> Drawn {
+    let ends = rows.iter().flat_map(|(_, it)| [it.low, it.value, it.high]);
+    let ends = ends.flatten().filter(|value| *value > 0.0);
+    let (least, most) = ends.fold((f64::INFINITY, 0.0_f64), |(least, most), it| {
+        (least.min(it), most.max(it))
+    });
+    if least > most {
+        return linear_rows(area, title, rows);
+    }
+    let range = (0.8 * least..1.25 * most).log_scale();
+    draw_rows!(area, title, rows, range, |value: &f64| format!("{value}"))
+}
+
+/// Shares by number of balls, a line a planner.
+pub(super) fn by_balls(
+    set: &SetResult,
+    title: &str,
+    planners: &[&str],
+    figure: fn(&super::figures::Figures) -> Interval,
+) -> anyhow::Result<String> {
+    let lines: Vec<(&str, Vec<(f64, f64)>)> = planners
+        .iter()
+        .filter_map(|name| {
+            let result = set.planners.iter().find(|it| it.planner == *name)?;
+            let points = result.figures.by_balls.iter();
+            let points = points.filter_map(|(balls, it)| Some((*balls as f64, figure(it).value?)));
+            Some((*name, points.collect()))
+        })
+        .collect();
+    let most = lines.iter().flat_map(|(_, points)| points).map(|it| it.0);
+    let (least, most) = most.fold((f64::INFINITY, 0.0_f64), |(least, most), it| {
+        (least.min(it), most.max(it))
+    });
+    svg(360, |area| {
+        let mut chart = ChartBuilder::on(area)
+            .caption(title, ("sans-serif", 16).into_font().color(&INK))
+            .margin_right(20)
+            .x_label_area_size(40)
+            .y_label_area_size(55)
+            .build_cartesian_2d(least.min(most)..most.max(least.min(most) + 1.0), 0.0..1.02)?;
+        chart
+            .configure_mesh()
+            .x_desc("balls")
+            .y_label_formatter(&|share| format!("{:.0} %", 100.0 * share))
+            .x_label_formatter(&|balls| format!("{balls:.0}"))
+            .x_labels(9)
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(OTHERS.mix(0.3))
+            .draw()?;
+        for ((name, points), colour) in lines.iter().zip(LINES) {
+            let line = LineSeries::new(points.clone(), colour.stroke_width(2)).point_size(3);
+            let mark =
+                move |(x, y)| PathElement::new([(x, y), (x + 14, y)], colour.stroke_width(2));
+            chart.draw_series(line)?.label(*name).legend(mark);
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::LowerLeft)
+            .background_style(WHITE.mix(0.85))
+            .label_font(("sans-serif", 12))
+            .draw()?;
+        Ok(())
+    })
+}

@@ -1,0 +1,200 @@
+//! The comparison as one self-contained page.
+
+use super::bootstrap::Interval;
+use super::charts;
+use super::comparison::{Comparison, PlannerResult, SetResult};
+use super::figures::{Figures, Paired};
+
+/// Planners whose shares are shown by number of balls.
+const BY_BALLS: [&str; 9] = [
+    "fast",
+    "straight-drawn",
+    "rrt-connect",
+    "diffusion",
+    "diffusion-post",
+    "diffusion-guided",
+    "c-rrt",
+    "w-rrt",
+    "apf",
+];
+
+const STYLE: &str = "
+:root { --ink: #1c2733; --soft: #5b6875; --line: #d4dae0; }
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: #fff; margin: 0 auto; max-width: 82rem; padding: 1rem; }
+h1 { font-size: 1.5rem; } h2 { margin-top: 2.5rem; border-top: 1px solid var(--line); padding-top: 1rem; }
+.charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(32rem, 100%), 1fr)); gap: 1rem; }
+.charts svg { width: 100%; height: auto; } .table { overflow-x: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .85rem; white-space: nowrap; }
+th, td { padding: .2rem .6rem; text-align: right; border-bottom: 1px solid var(--line); } th:first-child, td:first-child { text-align: left; }
+td small { color: var(--soft); } code { background: #f1f4f7; padding: .05rem .3rem; border-radius: 3px; } li { margin: .2rem 0; }
+";
+
+pub(super) fn html(comparison: &Comparison) -> anyhow::Result<String> {
+    let Comparison {
+        candidates,
+        machine,
+        seed,
+        sets,
+        ..
+    } = comparison;
+    let mut page = format!(
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+         <title>Planners compared</title><link rel=\"icon\" href=\"data:,\"><style>{STYLE}</style></head><body>\
+         <h1>Planners compared</h1><p>{candidates} candidates or attempts a case, seed {seed}, one request at a time on {machine}. Every case of a \
+         set is counted, and all planners answer the same ones; intervals are 95 % by the bootstrap over cases. “Success” is the paper's \
+         criterion: of the paths as they were drawn (of planners that draw none, as they were corrected), a tip within 0.1 L of the target \
+         and nine points of the body clear at 64 waypoints. “Certified” is this project's: the whole body, the whole motion and all \
+         tendon limits. Made by <code>pcc compare</code>.</p>"
+    );
+    for set in sets {
+        page += &section(comparison, set)?;
+    }
+    Ok(page + "</body></html>\n")
+}
+
+fn section(comparison: &Comparison, set: &SetResult) -> anyhow::Result<String> {
+    let charts = [
+        charts::rows(set, "Success by the paper's criterion", false, |it| {
+            it.figures.all.success
+        })?,
+        charts::rows(set, "Certified", false, |it| it.figures.all.certified)?,
+        charts::rows(set, "Seconds a success (log)", true, |it| {
+            it.figures.all.seconds_a_success
+        })?,
+        charts::rows(set, "Seconds a certified motion (log)", true, |it| {
+            it.figures.all.seconds_a_certified
+        })?,
+        charts::rows(
+            set,
+            "Tip length ÷ distance, certified motions (log)",
+            true,
+            |it| it.figures.all.tip_length_ratio,
+        )?,
+        charts::rows(
+            set,
+            "Tip smoothness ∫‖p‴‖², certified motions (log; less is smoother)",
+            true,
+            |it| it.figures.all.tip_smoothness,
+        )?,
+        charts::by_balls(set, "Success by number of balls", &BY_BALLS, |it| {
+            it.success
+        })?,
+        charts::by_balls(set, "Certified by number of balls", &BY_BALLS, |it| {
+            it.certified
+        })?,
+    ];
+    let paired = set
+        .planners
+        .iter()
+        .filter_map(|it| Some((it, it.paired.as_ref()?)));
+    let against = &comparison.against;
+    let paired: String = paired
+        .map(|(it, paired)| sentence(against, it, paired))
+        .collect();
+    Ok(format!(
+        "<h2>{}: {} cases</h2><div class=\"charts\">{}</div>{}<h3><code>{against}</code> beside each other planner, case by case</h3><ul>{paired}</ul>",
+        escaped(&set.set),
+        set.cases,
+        charts.map(|svg| format!("<div>{svg}</div>")).concat(),
+        table(set),
+    ))
+}
+
+fn table(set: &SetResult) -> String {
+    let row = |PlannerResult {
+                   planner, figures, ..
+               }: &PlannerResult| {
+        let Figures {
+            success,
+            certified,
+            answered,
+            request_s,
+            seconds_a_success,
+            tip_length_ratio,
+            tip_smoothness,
+            duration_s,
+            modes,
+            ..
+        } = &figures.all;
+        let cells = [
+            cell(success, 100.0, 1),
+            cell(certified, 100.0, 1),
+            cell(answered, 100.0, 1),
+            cell(request_s, 1e3, 2),
+            cell(seconds_a_success, 1e3, 2),
+            cell(tip_length_ratio, 1.0, 3),
+            cell(tip_smoothness, 1.0, 1),
+            cell(duration_s, 1.0, 2),
+            cell(modes, 1.0, 1),
+        ];
+        format!("<tr><td><code>{planner}</code></td>{}</tr>", cells.concat())
+    };
+    let names = [
+        "success, %",
+        "certified, %",
+        "answered, %",
+        "ms a request",
+        "ms a success",
+        "tip length ÷ distance",
+        "tip smoothness",
+        "duration, s",
+        "modes",
+    ];
+    format!(
+        "<div class=\"table\"><table><tr><th>planner</th>{}</tr>{}</table></div>",
+        names.map(|name| format!("<th>{name}</th>")).concat(),
+        set.planners.iter().map(row).collect::<String>()
+    )
+}
+
+fn cell(interval: &Interval, scale: f64, digits: usize) -> String {
+    let number = |value: Option<f64>| {
+        value.map_or_else(
+            || "–".to_owned(),
+            |value| format!("{:.digits$}", scale * value),
+        )
+    };
+    let [value, low, high] = [interval.value, interval.low, interval.high].map(number);
+    format!("<td>{value} <small>[{low}, {high}]</small></td>")
+}
+
+/// What the planner that all are paired with has over another one, said the same way whether it is ahead or not.
+fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
+    let points = |it: &Interval| {
+        let text = |value: Option<f64>| {
+            value.map_or_else(|| "–".to_owned(), |it| format!("{:+.1}", -100.0 * it))
+        };
+        format!("{} [{}, {}]", text(it.value), text(it.high), text(it.low))
+    };
+    let share = |it: &Interval| {
+        it.value.map_or_else(
+            || "–".to_owned(),
+            |share| format!("{:.1} %", 100.0 * (1.0 - share)),
+        )
+    };
+    format!(
+        "<li><code>{against}</code> and <code>{}</code>: certified {} points, success {} points; of {} cases that both solve, its median motion has \
+         the shorter tip in {}, the smoother tip in {}, and is the faster in {}; {}.</li>",
+        other.planner,
+        points(&paired.certified_ahead),
+        points(&paired.success_ahead),
+        paired.both,
+        share(&paired.tip_shorter),
+        share(&paired.tip_smoother),
+        share(&paired.faster),
+        verdict(paired)
+    )
+}
+
+fn verdict(paired: &Paired) -> &'static str {
+    match (paired.certified_ahead.low, paired.certified_ahead.high) {
+        (_, Some(high)) if high < 0.0 => "it is ahead in what is certified",
+        (Some(low), _) if low > 0.0 => "<b>it is behind</b> in what is certified",
+        _ => "no difference in what is certified is shown",
+    }
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
+}
