@@ -1,0 +1,174 @@
+#!/usr/bin/env python3
+"""Judges every certified motion of `pcc evaluate` by dense sampling: geometry and time law of its own, numpy alone.
+
+    scripts/check_motions.py DIR [DIR ..] [--robot config/robots/unit.toml]
+
+DIR has paths.npz. Knots are joined by quintic Hermite polynomials; each piece is looked at in equal steps of time, the body at equal
+steps of each arc. A motion is contradicted where a sampled point is in a ball (a sampled clearance is never less than the true
+one), its start or its tip is elsewhere, a section bends too far, or a tendon exceeds a limit. Prints a line a folder and one
+JSON object at the end; exit status 1 where a motion is contradicted.
+"""
+
+import argparse
+import json
+import math
+import sys
+import tomllib
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+STEPS_OF_A_PIECE = 16
+POINTS_OF_A_SECTION = 24
+TIP_TOLERANCE = 0.01
+START_TOLERANCE_RAD = 1e-6
+BENDING_SLACK_RAD = 5e-3
+LIMIT_SLACK = 1e-6
+ROUNDING = 1e-9
+
+
+class Robot:
+    """Section lengths, tube radius, bending limit, and what the tendons do, from the robot file."""
+
+    def __init__(self, file):
+        content = tomllib.loads(Path(file).read_text())
+        self.lengths = np.array(content["section_lengths_m"])
+        self.tube = content["tube_radius_m"]
+        self.limit = content["bending_limit_rad"]
+        limits = content["tendon_limits"]
+        self.tendon_limits = [limits[name] for name in ("velocity_m_s", "acceleration_m_s2", "jerk_m_s3")]
+        rows = []
+        for tendon in content["tendons"]:
+            angle = math.radians(tendon["angle_deg"])
+            pair = [tendon["radius_m"] * math.sin(angle), -tendon["radius_m"] * math.cos(angle)]
+            rows.append(pair * tendon["section"] + [0.0, 0.0] * (3 - tendon["section"]))
+        self.tendons = np.array(rows)
+
+
+def hermite(knots, times, step):
+    """Position, velocity, acceleration and jerk at fractions of each piece: [pieces, fractions, 4, 6].
+
+    The six coefficients of a piece solve the six conditions at its two ends, in its own time from 0 to 1.
+    """
+    spans = np.diff(times)[:, None]
+    begin, end = knots[:-1], knots[1:]
+    scaled = [spans**order for order in range(3)]
+    right = np.concatenate([np.stack([side[:, order] * scaled[order] for order in range(3)], 1) for side in (begin, end)], 1)
+    powers = np.arange(6)
+
+    def row(u, order):
+        factor = np.array([math.perm(int(p), order) if p >= order else 0 for p in powers], float)
+        return factor * np.where(powers >= order, u ** np.maximum(powers - order, 0), 0.0)
+
+    left = np.array([row(0.0, 0), row(0.0, 1), row(0.0, 2), row(1.0, 0), row(1.0, 1), row(1.0, 2)])
+    coefficients = np.linalg.solve(left, right)
+    looks = np.array([[row(u, order) for order in range(4)] for u in step])
+    values = np.einsum("uok,pkd->puod", looks, coefficients)
+    return values / (spans[:, None, None, :] ** np.arange(4)[None, None, :, None])
+
+
+def rotations(axes):
+    """Rotations by vectors [.., 3] along their axis (Rodrigues)."""
+    angle = np.linalg.norm(axes, axis=-1)[..., None, None]
+    unit = axes / np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), 1e-300)
+    cross = np.zeros(axes.shape[:-1] + (3, 3))
+    cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = -unit[..., 2], unit[..., 1], -unit[..., 0]
+    cross[..., 1, 0], cross[..., 2, 0], cross[..., 2, 1] = unit[..., 2], -unit[..., 1], unit[..., 0]
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+
+
+def backbone(robot, shapes):
+    """Points of the backbone of each configuration [n, 6]: [n, 3 * POINTS_OF_A_SECTION, 3]."""
+    parts = np.arange(1, POINTS_OF_A_SECTION + 1) / POINTS_OF_A_SECTION
+    base, turn, points = np.zeros((len(shapes), 3)), np.broadcast_to(np.eye(3), (len(shapes), 3, 3)), []
+    for section in range(3):
+        bend = shapes[:, 2 * section : 2 * section + 2]
+        angle = np.linalg.norm(bend, axis=1)[:, None]
+        axis = bend / np.maximum(angle, 1e-300)
+        theta = angle * parts
+        safe = np.maximum(theta, 1e-12)
+        reach = robot.lengths[section] * parts
+        along = reach * np.where(theta > 1e-7, np.sin(safe) / safe, 1.0)
+        beside = reach * np.where(theta > 1e-7, 2 * np.sin(safe / 2) ** 2 / safe, theta / 2)
+        local = np.stack([axis[:, 1:] * beside, -axis[:, :1] * beside, along], axis=-1)
+        points.append(base[:, None] + np.einsum("nij,nkj->nki", turn, local))
+        base = points[-1][:, -1]
+        turn = turn @ rotations(np.concatenate([bend, np.zeros((len(bend), 1))], axis=1))
+    return np.concatenate(points, axis=1)
+
+
+def faults(robot, times, knots, start, target, centres, radii):
+    """What contradicts a certified motion: a list of texts."""
+    step = np.arange(STEPS_OF_A_PIECE + 1) / STEPS_OF_A_PIECE
+    values = hermite(knots, times, step)
+    shapes = values[:, :, 0].reshape(-1, 6)
+    points = backbone(robot, shapes)
+    found = []
+    if np.abs(knots[0, 0] - start).max() > START_TOLERANCE_RAD:
+        found.append("begins elsewhere")
+    miss = np.linalg.norm(points[-1, -1] - target)
+    if not miss <= TIP_TOLERANCE:
+        found.append(f"tip {miss:.4f} from the target")
+    bent = np.linalg.norm(shapes.reshape(-1, 3, 2), axis=2).max()
+    if not bent <= robot.limit + BENDING_SLACK_RAD:
+        found.append(f"bends by {bent:.4f} rad")
+    rest = np.abs(knots[[0, -1], 1:]).max()
+    if rest > ROUNDING:
+        found.append("is not at rest at its ends")
+    for order, limit in enumerate(robot.tendon_limits, start=1):
+        most = np.abs(values[:, :, order] @ robot.tendons.T).max() / limit
+        if not most <= 1 + LIMIT_SLACK:
+            found.append(f"derivative {order} of a tendon is {most:.6f} of its limit")
+    flat = points.reshape(-1, 3)
+    for centre, radius in zip(centres, radii):
+        clearance = np.sqrt(((flat - centre) ** 2).sum(1).min()) - radius - robot.tube
+        if not clearance >= -ROUNDING:
+            found.append(f"{-clearance:.6f} inside a ball")
+    return found
+
+
+def judge_case(job):
+    robot, case, times, knots, certified, start, target, centres, radii = job
+    contradicted, judged = [], 0
+    for candidate in np.flatnonzero(certified):
+        count = int(np.isfinite(times[candidate]).sum())
+        found = faults(robot, times[candidate, :count], knots[candidate, :count], start, target, centres, radii)
+        judged += 1
+        if found:
+            contradicted.append(f"case {case}, candidate {candidate}: {'; '.join(found)}")
+    return judged, contradicted
+
+
+def jobs(robot, folder):
+    with np.load(folder / "paths.npz") as file:
+        arrays = {name: file[name] for name in file.files}
+    offsets = arrays["obstacle_offsets"]
+    for case in range(len(arrays["starts"])):
+        balls = slice(offsets[case], offsets[case + 1])
+        scene = arrays["obstacle_centres"][balls], arrays["obstacle_radii"][balls]
+        motions = arrays["knot_time"][case], arrays["knots"][case], arrays["delivered"][case]
+        yield robot, case, *motions, arrays["starts"][case], arrays["target_tips"][case], *scene
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folders", nargs="+", type=Path)
+    parser.add_argument("--robot", default="config/robots/unit.toml")
+    arguments = parser.parse_args()
+    robot = Robot(arguments.robot)
+    whole = {"judged": 0, "contradicted": 0}
+    with ProcessPoolExecutor() as workers:
+        for folder in arguments.folders:
+            results = list(workers.map(judge_case, jobs(robot, folder), chunksize=4))
+            contradicted = [text for _, texts in results for text in texts]
+            judged = sum(count for count, _ in results)
+            print(f"{folder}: {judged} motions, {len(contradicted)} contradicted", *contradicted, sep="\n  ", flush=True)
+            whole["judged"] += judged
+            whole["contradicted"] += len(contradicted)
+    print(json.dumps(whole))
+    sys.exit(whole["contradicted"] > 0)
+
+
+if __name__ == "__main__":
+    main()
