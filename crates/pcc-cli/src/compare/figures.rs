@@ -49,6 +49,8 @@ pub(super) struct Paired {
     pub(super) faster: Interval,
     /// Mean over those cases of the median tip length ÷ the other's.
     pub(super) tip_length_ratio: Interval,
+    /// The largest of those ratios; none where there is none.
+    pub(super) longest_tip: Option<f64>,
     /// Cases in which both have certified motions.
     pub(super) both: usize,
 }
@@ -134,14 +136,18 @@ impl Paired {
             tip_smoother: less(|motion| motion.tip_smoothness),
             faster: less(|motion| motion.duration_s),
             tip_length_ratio: interval(&both, |pairs| {
-                let medians = pairs.iter();
-                let medians =
-                    medians.filter_map(|pair| self::medians(pair, |it| it.tip_length_ratio));
-                mean(medians.map(|[own, other]| own / other))
+                mean(pairs.iter().filter_map(|pair| tip_ratio(pair)))
             }),
+            longest_tip: both.iter().filter_map(tip_ratio).max_by(f64::total_cmp),
             both: both.len(),
         }
     }
+}
+
+/// Median tip length of a case ÷ the other planner's.
+fn tip_ratio(pair: &(&CaseRecord, &CaseRecord)) -> Option<f64> {
+    let [own, other] = medians(pair, |motion| motion.tip_length_ratio)?;
+    Some(own / other)
 }
 
 fn success(record: &CaseRecord) -> f64 {

@@ -7,6 +7,7 @@
 mod as_text;
 mod demo;
 mod evaluation;
+mod evidence;
 mod fast_ablation;
 mod fast_candidates;
 mod fast_cases;
@@ -63,7 +64,7 @@ struct Suite {
     groups: &'static [fn(&mut Report, Scale)],
 }
 
-const SUITES: [Suite; 6] = [
+const SUITES: [Suite; 7] = [
     Suite {
         name: "chain",
         weights: String::new,
@@ -109,6 +110,11 @@ const SUITES: [Suite; 6] = [
         name: "motion",
         weights: runs::weights_in_use,
         groups: motion::GROUPS,
+    },
+    Suite {
+        name: "evidence",
+        weights: runs::weights_in_use,
+        groups: evidence::GROUPS,
     },
     Suite {
         name: "join",

@@ -120,6 +120,12 @@ impl Model {
         let file = Manifest::open(&self.folder)?.weights(&self.name)?;
         Ok(file.count("width")?)
     }
+
+    /// Rows of one update of the training.
+    pub(crate) fn rows_of_an_update(&self) -> anyhow::Result<u64> {
+        let file = Manifest::open(&self.folder)?.weights(&self.name)?;
+        Ok(file.count("batch")? as u64)
+    }
 }
 
 /// A data set that is made on the spot, with a seed that no training data has.

@@ -1,0 +1,12 @@
+//! Every experiment of the paper made again, beside honest rivals.
+
+mod checker;
+mod comparison;
+mod paper_model;
+mod rivals;
+
+use crate::report::Report;
+use crate::scale::Scale;
+
+pub(crate) const GROUPS: &[fn(&mut Report, Scale)] =
+    &[rivals::run, comparison::run, paper_model::run, checker::run];

@@ -1,0 +1,109 @@
+//! The paper's model at the paper's figures and beyond.
+
+use std::path::Path;
+
+use serde_json::Value;
+use tests::programs::repository;
+
+use crate::report::Report;
+use crate::runs::{Evaluation, Model, Unseen, number};
+use crate::scale::Scale;
+
+/// The paper's success in mixed scenes, %.
+const PAPER: f64 = 91.11;
+/// Success among four balls, %.
+const FOUR_BALLS: f64 = 80.0;
+/// Rows of the paper's updates.
+const ROWS_OF_AN_UPDATE: u64 = 64;
+/// Unseen mixed cases of this project's own generator.
+const UNSEEN: Unseen = Unseen {
+    name: "mixed",
+    method: "paper",
+    setting: "reference",
+    seed: 9012,
+    starts: 5,
+    ends: 10,
+    targets_for_ten_cases: 4,
+    weights: "mixed",
+};
+
+pub(super) fn run(report: &mut Report, scale: Scale) {
+    let command = "pcc evaluate --planner diffusion-post";
+    report.group("the paper's model", command, |report| {
+        let model = UNSEEN.model()?;
+        let sample = repository().join("tests/data/reference-mixed-sample");
+        let draws = scale.pick(10, 60);
+        succeed(
+            report,
+            scale,
+            "the authors' 60 cases",
+            &sample,
+            &model,
+            60,
+            draws,
+        )?;
+        let cases = scale.pick(40, 1000);
+        let unseen = UNSEEN.make(cases)?;
+        succeed(
+            report,
+            scale,
+            "unseen mixed cases",
+            &unseen,
+            &model,
+            cases,
+            10,
+        )?;
+        let rows = model.updates * model.rows_of_an_update()?;
+        report.check(
+            "updates of the committed weights",
+            format!(
+                "{} of {} rows, as many rows as {} of the paper's",
+                model.updates,
+                model.rows_of_an_update()?,
+                rows / ROWS_OF_AN_UPDATE
+            ),
+            ">= 200000 updates",
+            model.updates >= 200_000,
+        );
+        Ok(())
+    });
+}
+
+fn succeed(
+    report: &mut Report,
+    scale: Scale,
+    population: &str,
+    dataset: &Path,
+    model: &Model,
+    cases: usize,
+    draws: usize,
+) -> anyhow::Result<()> {
+    let evaluation = Evaluation::of(population, dataset, "diffusion-post", cases);
+    let result = evaluation
+        .model(model)
+        .candidates(draws)
+        .run(report, scale)?;
+    let evaluated = number(&result, "/cases")?;
+    let by_balls = result.pointer("/sampled/success_by_balls");
+    let by_balls = by_balls.and_then(Value::as_object).into_iter().flatten();
+    let by_balls: Vec<String> = by_balls
+        .map(|(balls, share)| {
+            format!(
+                "{balls}: {:.1} %",
+                100.0 * share.as_f64().unwrap_or(f64::NAN)
+            )
+        })
+        .collect();
+    let success = 100.0 * number(&result, "/sampled/success")?;
+    report.check(
+        &format!("{population}: diffusion-post as sampled, {evaluated} cases × {draws}, by number of balls {}", by_balls.join(", ")),
+        format!("{success:.2} %"),
+        &format!(">= {PAPER} %, of {cases} cases"),
+        success >= PAPER && evaluated as usize >= cases,
+    );
+    let four = 100.0 * number(&result, "/sampled/success_by_balls/4")?;
+    let line = format!("{population}: diffusion-post as sampled, four balls");
+    let bar = format!(">= {FOUR_BALLS} %");
+    report.check(&line, format!("{four:.2} %"), &bar, four >= FOUR_BALLS);
+    Ok(())
+}
