@@ -106,6 +106,8 @@ pub enum ToBeDone {
     SegmentAgain,
     /// The same where the fastest motion follows another path.
     PathAgain,
+    /// The same, and it is expected that the fastest motion is planned anew once more.
+    PathAgainAndPlanningAnew,
     /// Paths are joined to the motion that is left.
     Joining,
     /// The same, and it is expected that the fastest motion is planned anew.
@@ -116,7 +118,10 @@ impl ToBeDone {
     /// Whether the fastest motion is known, unless the motions begin in another state.
     #[must_use]
     pub fn is_known(self) -> bool {
-        matches!(self, Self::SegmentAgain | Self::PathAgain)
+        matches!(
+            self,
+            Self::SegmentAgain | Self::PathAgain | Self::PathAgainAndPlanningAnew
+        )
     }
 }
 

@@ -397,10 +397,10 @@ fn the_fastest_motion_is_joined_again_where_the_later_switch_was_too_near_as_wel
         let told = Mutex::new(Vec::new());
         let later = [motion.at(0.204), motion.at(0.208)].map(|state| knot_at(&state));
         let early_selection = EarlySelection {
-            begin: &|to_be_done, can_begin| match to_be_done {
-                ToBeDone::PathAgain if is_too_near => assert!(can_begin(&later[1])),
-                ToBeDone::PathAgain => {}
-                _ => assert!(can_begin(&later[0])),
+            begin: &|to_be_done, can_begin| match to_be_done.is_known() {
+                true if is_too_near => assert!(can_begin(&later[1])),
+                true => {}
+                false => assert!(can_begin(&later[0])),
             },
             selected: &|candidate| told.lock().unwrap().push(candidate),
         };

@@ -35,6 +35,8 @@ pub(crate) enum Work {
     SegmentAgain,
     /// The fastest path alone is joined again, likewise.
     PathAgain,
+    /// The same, and a plan to its goal configuration.
+    PathAgainAndPlanningAnew,
     /// Paths that are planned are joined to the motion that is left, until the fastest is known.
     Joining,
     /// The same, and a plan to the goal configuration of the fastest one.
@@ -46,6 +48,7 @@ impl From<ToBeDone> for Work {
         match to_be_done {
             ToBeDone::SegmentAgain => Self::SegmentAgain,
             ToBeDone::PathAgain => Self::PathAgain,
+            ToBeDone::PathAgainAndPlanningAnew => Self::PathAgainAndPlanningAnew,
             ToBeDone::Joining => Self::Joining,
             ToBeDone::JoiningAndPlanningAnew => Self::JoiningAndPlanningAnew,
         }
@@ -57,7 +60,9 @@ impl Work {
     fn takes_longer(self) -> Option<Self> {
         match self {
             Self::SegmentAgain => Some(Self::StraightSegments),
-            Self::Joining | Self::PathAgain => Some(Self::JoiningAndPlanningAnew),
+            Self::Joining | Self::PathAgain | Self::PathAgainAndPlanningAnew => {
+                Some(Self::JoiningAndPlanningAnew)
+            }
             Self::WholePlan
             | Self::WholePlanToKeptGoal
             | Self::StraightSegments
@@ -84,7 +89,10 @@ impl Work {
                 margin: 1.1,
                 to_the_loop: TO_THE_LOOP,
             },
-            Self::WholePlan | Self::SegmentAgain | Self::PathAgain => Foresight {
+            Self::WholePlan
+            | Self::SegmentAgain
+            | Self::PathAgain
+            | Self::PathAgainAndPlanningAnew => Foresight {
                 exceptional: 32,
                 margin: 1.2,
                 to_the_loop: TO_THE_LOOP,

@@ -84,6 +84,7 @@ impl Service {
         let late_works = [
             Work::SegmentAgain,
             Work::PathAgain,
+            Work::PathAgainAndPlanningAnew,
             Work::Joining,
             Work::JoiningAndPlanningAnew,
         ];

@@ -120,13 +120,15 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
     let is_afresh = request.sampler == Sampler::Default && request.previous.is_none();
     let early = supervision.early_selection;
     let late = early.filter(|_| segments.selected().is_none());
-    let latest = late.and_then(|late| {
-        let to_be_done = match is_afresh && joining.is_planned_anew(&plan) {
-            true => ToBeDone::JoiningAndPlanningAnew,
-            false => ToBeDone::Joining,
-        };
-        braking_later(context, late, to_be_done)
-    });
+    let plans_anew = is_afresh && joining.is_planned_anew(&plan);
+    let [joining_all, joining_again] = match plans_anew {
+        true => [
+            ToBeDone::JoiningAndPlanningAnew,
+            ToBeDone::PathAgainAndPlanningAnew,
+        ],
+        false => [ToBeDone::Joining, ToBeDone::PathAgain],
+    };
+    let latest = late.and_then(|late| braking_later(context, late, joining_all));
     let (braking, segments) = match (&latest, &later) {
         (Some(latest), _) => (latest, JoinedSegments::default()),
         (None, Some(later)) => (later, segments),
@@ -137,9 +139,10 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         braking,
         anew: is_afresh.then_some(&anew),
     };
-    let later = || braking_later(context, late?, ToBeDone::PathAgain);
+    let later = || braking_later(context, late?, joining_again);
     let late = late.map(|late| Late {
         braking: &later,
+        plans_anew,
         selected: late.selected,
     });
     Ok(joining.plan(plan, segments, late))

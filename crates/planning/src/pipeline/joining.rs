@@ -54,6 +54,8 @@ struct JoinedDraw {
 pub(super) struct Late<'a> {
     /// The braking that motions are then joined to; none where the one before is still in time.
     pub(super) braking: &'a (dyn Fn() -> Option<Braking<'a>> + Sync),
+    /// Whether that leaves time to plan the fastest motion anew.
+    pub(super) plans_anew: bool,
     pub(super) selected: &'a (dyn Fn(Candidate) + Sync),
 }
 
@@ -246,13 +248,14 @@ impl Joining<'_> {
         self.join_fastest(&from_rest, &mut joined);
         self.put_fastest_anew(plan, &mut joined, &mut from_rest);
         plan.truncated |= self.is_interrupted();
+        let plans_anew = late.is_some_and(|late| late.plans_anew);
         let Some(braking) = late.and_then(|late| (late.braking)()) else {
             let others = from_rest.split_off(joined.len());
             return self.join_others(joined, &others, late);
         };
         let later = Joining {
             braking: &braking,
-            ..*self
+            anew: self.anew.filter(|_| plans_anew),
         };
         let fastest = select_of(&joined).map(|fastest| fastest.draw);
         from_rest.sort_by_key(|it| Some(it.draw) != fastest);
