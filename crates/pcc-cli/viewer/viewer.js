@@ -41,7 +41,7 @@ function arcEnd(axis, angle, length) {
 }
 
 // --- The scene.
-const renderer = new THREE.WebGLRenderer({ canvas: element("scene"), antialias: true, preserveDrawingBuffer: true });
+const renderer = new THREE.WebGLRenderer({ canvas: element("scene"), antialias: true });
 const scene = new THREE.Scene();
 const camera = new THREE.PerspectiveCamera(40, 1, 0.001, 100);
 camera.up.set(0, 0, 1);
@@ -320,5 +320,9 @@ function fit() {
 controls.addEventListener("change", () => renderer.render(scene, camera));
 window.addEventListener("resize", fit);
 showLegend();
+// The address may say what is shown first: #time=1.5&motions=all
+const wanted = new URLSearchParams(location.hash.slice(1));
+if (wanted.get("motions") === "all") boxes.forEach((box, index) => { box.checked = motions[index].group.visible = true; });
+if (wanted.has("time")) now = Math.min(Math.max(Number(wanted.get("time")) || 0, 0), data.duration_s);
 fit();
 document.body.dataset.ready = "true";

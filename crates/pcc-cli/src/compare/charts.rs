@@ -34,6 +34,9 @@ const LINES: [RGBColor; 10] = [
     RGBColor(140, 90, 60),
 ];
 
+/// Width of a chart by number of balls ÷ that of its lines: the planners' names are beside them.
+const ROOM_FOR_NAMES: f64 = 1.4;
+
 type Drawn = Result<(), Box<dyn Error>>;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
@@ -132,7 +135,7 @@ fn logarithmic_rows(area: &Area, title: &str, rows: &[(&str, Interval)]) -> Draw
     if least > most {
         return linear_rows(area, title, rows);
     }
-    let range = (0.8 * least..1.25 * most).log_scale();
+    let range = (least / 1.25..most * 1.25).log_scale();
     draw_rows!(area, title, rows, range, |value: &f64| format!("{value}"))
 }
 
@@ -152,22 +155,23 @@ pub(super) fn by_balls(
             Some((*name, points.collect()))
         })
         .collect();
-    let most = lines.iter().flat_map(|(_, points)| points).map(|it| it.0);
-    let (least, most) = most.fold((f64::INFINITY, 0.0_f64), |(least, most), it| {
-        (least.min(it), most.max(it))
-    });
+    let balls = lines.iter().flat_map(|(_, points)| points).map(|it| it.0);
+    let most = balls.fold(1.0, f64::max);
     svg(360, |area| {
         let mut chart = ChartBuilder::on(area)
             .caption(title, ("sans-serif", 16).into_font().color(&INK))
             .margin_right(20)
             .x_label_area_size(40)
             .y_label_area_size(55)
-            .build_cartesian_2d(least.min(most)..most.max(least.min(most) + 1.0), 0.0..1.02)?;
+            .build_cartesian_2d(0.0..ROOM_FOR_NAMES * most, 0.0..1.02)?;
         chart
             .configure_mesh()
             .x_desc("balls")
             .y_label_formatter(&|share| format!("{:.0} %", 100.0 * share))
-            .x_label_formatter(&|balls| format!("{balls:.0}"))
+            .x_label_formatter(&|balls| match balls.fract() == 0.0 && *balls <= most {
+                true => format!("{balls:.0}"),
+                false => String::new(),
+            })
             .x_labels(9)
             .light_line_style(TRANSPARENT)
             .bold_line_style(OTHERS.mix(0.3))
@@ -180,7 +184,7 @@ pub(super) fn by_balls(
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::LowerLeft)
+            .position(SeriesLabelPosition::MiddleRight)
             .background_style(WHITE.mix(0.85))
             .label_font(("sans-serif", 12))
             .draw()?;

@@ -163,7 +163,7 @@ fn cell(interval: &Interval, scale: f64, digits: usize) -> String {
 fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
     let points = |it: &Interval| {
         let text = |value: Option<f64>| {
-            value.map_or_else(|| "–".to_owned(), |it| format!("{:+.1}", -100.0 * it))
+            value.map_or_else(|| "–".to_owned(), |it| format!("{:+.1}", 0.0 - 100.0 * it))
         };
         format!("{} [{}, {}]", text(it.value), text(it.high), text(it.low))
     };
