@@ -89,7 +89,7 @@ enum Command {
     Evaluate(evaluate::Arguments),
     /// Show motions in 3D: write one self-contained page of an evaluation or a record.
     View(view::Arguments),
-    /// Compare planners over the same cases, with confidence intervals, and write compare.json and compare.csv.
+    /// Compare planners over the same cases, with confidence intervals, and write compare.json, compare.csv and a page.
     Compare(compare::Arguments),
     /// Write how noise becomes a path, step by step, as an archive for pictures.
     Trace(trace::Arguments),

@@ -10,6 +10,7 @@ use clap::Args;
 use pcc_model::Robot;
 use shared_types::ipc::IpcOptions;
 
+pub(crate) use self::motions::motion;
 pub(crate) use self::recording::Recording;
 
 /// Arguments of `pcc replay`.

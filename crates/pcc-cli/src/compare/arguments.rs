@@ -43,7 +43,7 @@ pub(crate) struct Arguments {
     pub(super) robot: PathBuf,
     #[command(flatten)]
     pub(super) models: ModelArguments,
-    /// Folder for compare.json and compare.csv; cases that are in it already are not planned again.
+    /// Folder for compare.json, compare.csv and index.html; cases that are in it already are not planned again.
     #[arg(long)]
     pub(super) out: PathBuf,
 }

@@ -65,7 +65,11 @@ pub(super) fn check(recording: &Recording, robot: &Robot) -> anyhow::Result<()> 
     Ok(())
 }
 
-fn motion(message: &TrajectoryMessage) -> anyhow::Result<Trajectory> {
+/// The motion of a message.
+///
+/// # Errors
+/// Where the message is none that a controller would take.
+pub(crate) fn motion(message: &TrajectoryMessage) -> anyhow::Result<Trajectory> {
     let checked = valid::Trajectory::try_from(message)?;
     let knots = checked.knots.iter().map(|knot| Knot {
         time: knot.time_s,

@@ -1,6 +1,6 @@
 //! A case of an evaluation's `paths.npz`.
 
-use super::page::{BallTrack, Body, Curves, Mark, Motion, Samples, View, clearance_range};
+use super::page::{BallTrack, Body, Curves, Mark, Motion, Samples, View, clearance_range, sampled};
 use crate::robot::unit_robot;
 use anyhow::ensure;
 use datasets::ArchiveReader;
@@ -70,7 +70,7 @@ pub(super) fn read(file: &Path, case: usize, robot: &Path) -> anyhow::Result<Vie
         Motion::new(
             name.clone(),
             Some(index) == fastest,
-            &samples(motion),
+            &sampled(motion, 0.0, SAMPLES),
             &body,
             &balls,
         )
@@ -101,22 +101,14 @@ fn knot_of(time: f64, state: &[f64]) -> Knot {
     }
 }
 
-fn times(motion: &Trajectory) -> impl Iterator<Item = f64> {
-    let step = motion.duration() / (SAMPLES - 1) as f64;
-    (0..SAMPLES).map(move |index| index as f64 * step)
-}
-
-fn samples(motion: &Trajectory) -> Vec<(f64, Configuration)> {
-    times(motion).zip(motion.sample(SAMPLES)).collect()
-}
-
 /// Length changes of the tendons in the fastest motion.
 fn tendons(robot: &Robot, motion: &Trajectory) -> Curves {
     let count = robot.tendons.count();
     let mut values: Vec<Samples> = (0..count).map(|_| Samples::default()).collect();
     let mut lengths = vec![0.0; count];
-    for configuration in motion.sample(SAMPLES) {
-        robot.tendons.lengths(&configuration, &mut lengths);
+    let samples = sampled(motion, 0.0, SAMPLES);
+    for (_, configuration) in &samples {
+        robot.tendons.lengths(configuration, &mut lengths);
         for (values, length) in values.iter_mut().zip(&lengths) {
             values.0.push(*length);
         }
@@ -125,7 +117,7 @@ fn tendons(robot: &Robot, motion: &Trajectory) -> Curves {
         name: "Tendons of the fastest motion",
         unit: "L",
         labels: (1..=count).map(|tendon| tendon.to_string()).collect(),
-        time_s: times(motion).collect(),
+        time_s: samples.iter().map(|it| it.0).collect(),
         values,
     }
 }

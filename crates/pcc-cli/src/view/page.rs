@@ -5,6 +5,7 @@ use base64::prelude::BASE64_STANDARD;
 use collision::Ball;
 use pcc_model::{Backbone, Configuration, SECTIONS};
 use serde::{Serialize, Serializer};
+use trajectory::Trajectory;
 
 const TEMPLATE: &str = include_str!("../../viewer/page.html");
 const STYLE: &str = include_str!("../../viewer/viewer.css");
@@ -144,6 +145,19 @@ impl Motion {
             clearance: samples.iter().map(clearance).collect(),
         }
     }
+}
+
+/// A motion at equal steps of time from its begin (s) to its end.
+pub(super) fn sampled(
+    motion: &Trajectory,
+    begins_s: f64,
+    count: usize,
+) -> Vec<(f64, Configuration)> {
+    let step = motion.duration() / (count - 1) as f64;
+    let samples = motion.sample(count).into_iter().enumerate();
+    samples
+        .map(|(index, configuration)| (begins_s + index as f64 * step, configuration))
+        .collect()
 }
 
 /// The ends of the colour scale: from contact, or what comes nearest, to a tube's radius of room and no farther than anything comes.

@@ -1,14 +1,12 @@
 //! A record: what was commanded and measured, the motions that were published, and the balls of the live scenes.
 
-use super::page::{BallTrack, Body, Curves, Mark, Motion, Samples, View, clearance_range};
-use crate::replay::Recording;
+use super::page::{BallTrack, Body, Curves, Mark, Motion, Samples, View, clearance_range, sampled};
+use crate::replay::{Recording, motion};
 use anyhow::Context;
 use pcc_model::Configuration;
-use shared_types::message::{Cycle, SceneMessage, TrajectoryMessage};
-use shared_types::valid;
+use shared_types::message::{Cycle, SceneMessage};
 use std::collections::BTreeMap;
 use std::path::Path;
-use trajectory::{Knot, Trajectory};
 
 /// Most samples of what was commanded, and of a curve.
 const MOST_SAMPLES: usize = 6000;
@@ -50,7 +48,8 @@ pub(super) fn read(file: &Path) -> anyhow::Result<View> {
         Motion::new("measured".to_owned(), false, &measured, &body, &balls),
     ];
     for message in &recording.trajectories {
-        let samples = published(message, clock)?;
+        let begins_s = clock.seconds(message.begin_mono_ns);
+        let samples = sampled(&motion(message)?, begins_s, SAMPLES);
         let name = format!("motion {}", message.trajectory_id);
         motions.push(Motion::new(name, false, &samples, &body, &balls));
     }
@@ -126,26 +125,6 @@ fn is_foreseen(before: &BallTrack, ball: &BallTrack) -> bool {
         let off = (there.centre - pcc_model::Point::from(ball.centre)).norm();
         off <= SAME_WAY_M && before.velocity == ball.velocity && before.radius == ball.radius
     })
-}
-
-fn published(
-    message: &TrajectoryMessage,
-    clock: Clock,
-) -> anyhow::Result<Vec<(f64, Configuration)>> {
-    let checked = valid::Trajectory::try_from(message)?;
-    let knots = checked.knots.iter().map(|knot| Knot {
-        time: knot.time_s,
-        position: knot.configuration_rad.into(),
-        velocity: knot.velocity_rad_s.into(),
-        acceleration: knot.acceleration_rad_s2.into(),
-    });
-    let motion = Trajectory::new(knots.collect())?;
-    let begins_s = clock.seconds(message.begin_mono_ns);
-    let step = motion.duration() / (SAMPLES - 1) as f64;
-    let samples = motion.sample(SAMPLES).into_iter().enumerate();
-    Ok(samples
-        .map(|(index, configuration)| (begins_s + index as f64 * step, configuration))
-        .collect())
 }
 
 fn curves(cycles: &[&Cycle], clock: Clock, tendons: usize) -> Vec<Curves> {

@@ -8,19 +8,12 @@ use pcc_model::Robot;
 use serde_json::Value;
 use tests::programs::repository;
 
+use crate::fast_cases::PLANNERS;
 use crate::motions::Motions;
 use crate::report::Report;
 use crate::runs::{folder, make_dataset, number, run_pcc};
 use crate::scale::Scale;
 
-const PLANNERS: [&str; 6] = [
-    "default",
-    "fast",
-    "straight",
-    "straight-drawn",
-    "rrt-connect",
-    "rrt-smooth",
-];
 /// Seed of the unseen scenes: no data set was made with it.
 const UNSEEN_SEED: u64 = 9001;
 

@@ -6,6 +6,8 @@ use anyhow::Context;
 use serde_json::Value;
 use tests::programs::repository;
 
+use super::planners::planners;
+use crate::fast_cases;
 use crate::paper_python::environment;
 use crate::paper_runs::{HARD, MIXED};
 use crate::report::Report;
@@ -14,32 +16,10 @@ use crate::scale::Scale;
 
 /// General cases, whoever solves them.
 const GENERAL: Unseen = Unseen {
-    name: "general",
-    method: "cases",
-    setting: "general",
     seed: 9001,
-    starts: 3,
-    ends: 1,
     targets_for_ten_cases: 5,
-    weights: "mixed",
+    ..fast_cases::GENERAL
 };
-/// Every planner that a comparison has.
-const PLANNERS: [&str; 14] = [
-    "default",
-    "fast",
-    "straight",
-    "straight-drawn",
-    "rrt-connect",
-    "rrt-smooth",
-    "diffusion",
-    "diffusion-post",
-    "diffusion-guided",
-    "c-rrt",
-    "c-rrt-star",
-    "w-rrt",
-    "w-rrt-star",
-    "apf",
-];
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
     let command = "scripts/check_motions.py";
@@ -51,7 +31,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         for unseen in [MIXED, GENERAL, HARD] {
             let cases = scale.pick(10, 250);
             let dataset = unseen.make(cases)?;
-            for planner in PLANNERS {
+            for planner in planners() {
                 let evaluation = Evaluation::of(unseen.name, &dataset, planner, cases);
                 evaluation.run(report, scale)?;
                 let output = Command::new(&python)

@@ -11,8 +11,6 @@ use crate::runs::{folder, number, run_pcc};
 use crate::scale::Scale;
 
 const COMMAND: &str = "pcc compare";
-/// Planners that the issue names.
-const PLANNERS: usize = 14;
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
     report.group("comparison", COMMAND, |report| {
@@ -49,11 +47,12 @@ fn show(report: &mut Report, scale: Scale, set: &Value) -> anyhow::Result<()> {
     let name = set["set"].as_str().context("no name")?;
     let planners = set["planners"].as_array().context("no planners")?;
     let (cases, bar) = (number(set, "/cases")?, scale.pick(10.0, 250.0));
+    let all = super::planners::planners().count();
     report.check(
         &format!("{name}: cases, and planners that answered them"),
         format!("{cases}, {}", planners.len()),
-        &format!(">= {bar}, >= {PLANNERS}"),
-        cases >= bar && planners.len() >= PLANNERS,
+        &format!(">= {bar}, >= {all}"),
+        cases >= bar && planners.len() >= all,
     );
     for planner in planners {
         let figure = |key: &str, scale: f64, digits: usize| {

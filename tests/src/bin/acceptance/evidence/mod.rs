@@ -3,6 +3,7 @@
 mod checker;
 mod comparison;
 mod paper_model;
+mod planners;
 mod rivals;
 
 use crate::report::Report;

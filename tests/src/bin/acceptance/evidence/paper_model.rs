@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 use tests::programs::repository;
 
+use crate::paper_runs::MIXED;
 use crate::report::Report;
 use crate::runs::{Evaluation, Model, Unseen, number};
 use crate::scale::Scale;
@@ -17,14 +18,8 @@ const FOUR_BALLS: f64 = 80.0;
 const ROWS_OF_AN_UPDATE: u64 = 64;
 /// Unseen mixed cases of this project's own generator.
 const UNSEEN: Unseen = Unseen {
-    name: "mixed",
-    method: "paper",
-    setting: "reference",
     seed: 9012,
-    starts: 5,
-    ends: 10,
-    targets_for_ten_cases: 4,
-    weights: "mixed",
+    ..MIXED
 };
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
