@@ -36,6 +36,10 @@ pub(crate) enum PlannerName {
     WRrtStar,
     /// An artificial potential field, as the paper compares with.
     Apf,
+    /// RRT* on certified edges for 50 ms an attempt.
+    RrtStar,
+    /// BIT* on certified edges for 50 ms an attempt.
+    BitStar,
     /// Paths that another program drew.
     Proposed,
 }
@@ -48,7 +52,7 @@ impl PlannerName {
         found.copied()
     }
 
-    /// The paper's rival that draws the paths.
+    /// The rival that draws the paths.
     pub(crate) fn rival(self) -> Option<Rival> {
         match self {
             Self::CRrt => Some(Rival::CRrt),
@@ -56,6 +60,8 @@ impl PlannerName {
             Self::WRrt => Some(Rival::WRrt),
             Self::WRrtStar => Some(Rival::WRrtStar),
             Self::Apf => Some(Rival::Apf),
+            Self::RrtStar => Some(Rival::RrtStar),
+            Self::BitStar => Some(Rival::BitStar),
             _ => None,
         }
     }

@@ -1,10 +1,12 @@
 //! The planners that the paper compares its own with, as it set them (docs/evaluation.md "The paper's rivals"): RRT and RRT* in
-//! configuration space and on tip positions, and an artificial potential field.
+//! configuration space and on tip positions, and an artificial potential field; and RRT* and BIT* as an expert would set them.
 //!
-//! They look at nine points of the body in nodes and waypoints alone, as the paper's criterion does; nothing is certified here.
+//! The paper's look at nine points of the body in nodes and waypoints alone, as its criterion does, and nothing of theirs is certified
+//! here; the expert's have certified edges.
 //! Lengths are in units of one section's arc length, angles in radians, and positions in the robot's base frame.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod anytime;
 #[cfg(test)]
 mod fixtures;
 mod potential_field;
@@ -15,11 +17,11 @@ mod tree;
 pub use query::Query;
 
 use datasets::reference::{PathMaker, Surroundings};
-use planning::Waypoints;
+use planning::{Waypoints, resample};
 use rand_pcg::Pcg64;
 use tree::{Growth, Space};
 
-/// A planner of the paper's comparison.
+/// A planner of the paper's comparison, or an expert's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rival {
     /// RRT in configuration space.
@@ -32,10 +34,15 @@ pub enum Rival {
     WRrtStar,
     /// The straight tip path to one goal configuration, pushed out of the balls.
     Apf,
+    /// RRT* on certified edges, to the nearest of several goal configurations by tip length, for 50 ms.
+    RrtStar,
+    /// BIT*, likewise.
+    BitStar,
 }
 
 impl Rival {
-    /// One attempt: a path of 64 waypoints, which may collide between the nodes that were looked at; none where none was found.
+    /// One attempt: a path of 64 waypoints, which may collide between the nodes that were looked at, or where the corners of certified edges
+    /// are cut; none where none was found.
     pub fn attempt(self, query: &Query, rng: &mut Pcg64) -> Option<Waypoints> {
         let place = Surroundings::new(query.robot, query.balls);
         match self {
@@ -46,6 +53,8 @@ impl Rival {
             Self::Apf => {
                 potential_field::path(query, &place, &mut PathMaker::new(query.robot), rng)
             }
+            Self::RrtStar => anytime::rrt_star::path(query, rng).map(|path| resample(&path)),
+            Self::BitStar => anytime::bit_star::path(query, rng).map(|path| resample(&path)),
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::problem::Problem;
 use crate::request::Request;
 use pcc_model::TendonLimits;
 use rayon::prelude::*;
-use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
+use trajectory::{Knot, STOPPING_KNOTS, Trajectory, limit_use, stopping_motion};
 
 /// Knots that a motion may have at least, however many its braking needs.
 const LEAST_KNOTS: usize = 4;
@@ -70,22 +70,16 @@ impl<'a> Braking<'a> {
             ..problem.clone()
         };
         let request = Request {
-            knots: self.knots_after(request.knots),
+            knots: knots_after_braking(request.knots),
             ..request.clone()
         };
         (problem, request)
     }
 
-    /// The knots that braking leaves of those of a whole motion.
-    fn knots_after(&self, knots: usize) -> usize {
-        let of_braking = self.motion.knots().len() - 1;
-        knots.saturating_sub(of_braking).max(LEAST_KNOTS)
-    }
-
     /// What motions from where the robot then rests must keep.
     pub(super) fn after(&self) -> MotionConstraints<'a> {
         MotionConstraints {
-            knots: self.knots_after(self.constraints.knots),
+            knots: knots_after_braking(self.constraints.knots),
             ..self.constraints
         }
     }
@@ -194,4 +188,10 @@ impl<'a> Braking<'a> {
         let clearance = self.clearance.min(clearance);
         Ok(self.constraints.describe(whole, clearance))
     }
+}
+
+/// The knots that are left to what follows braking, of those of a whole motion: as many however many the braking takes, so that what
+/// follows is timed like a motion from rest.
+fn knots_after_braking(knots: usize) -> usize {
+    knots.saturating_sub(STOPPING_KNOTS).max(LEAST_KNOTS)
 }

@@ -237,7 +237,7 @@ impl<'a> Evaluation<'a> {
     pub(crate) fn out(&self) -> PathBuf {
         let options = self.options.iter();
         let options: String = options
-            .map(|(option, value)| format!("{}-{value}", &option[1..]))
+            .map(|(option, value)| format!("{}-{}", &option[1..], value.replace('/', "-")))
             .collect();
         let Self {
             setting,

@@ -4,10 +4,16 @@ mod checker;
 mod comparison;
 mod paper_model;
 mod planners;
+mod referee;
 mod rivals;
 
 use crate::report::Report;
 use crate::scale::Scale;
 
-pub(crate) const GROUPS: &[fn(&mut Report, Scale)] =
-    &[rivals::run, comparison::run, paper_model::run, checker::run];
+pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
+    rivals::run,
+    referee::run,
+    comparison::run,
+    paper_model::run,
+    checker::run,
+];

@@ -2,8 +2,8 @@
 
 use crate::fast_cases;
 
-/// The paper's planner in its three forms, and the paper's rivals.
-const OF_THE_PAPER: [&str; 8] = [
+/// The paper's planner in its three forms, the paper's rivals, and the anytime ones.
+const OTHERS: [&str; 10] = [
     "diffusion",
     "diffusion-post",
     "diffusion-guided",
@@ -12,9 +12,11 @@ const OF_THE_PAPER: [&str; 8] = [
     "w-rrt",
     "w-rrt-star",
     "apf",
+    "rrt-star",
+    "bit-star",
 ];
 
 /// Every planner that a comparison has.
 pub(super) fn planners() -> impl Iterator<Item = &'static str> {
-    fast_cases::PLANNERS.into_iter().chain(OF_THE_PAPER)
+    fast_cases::PLANNERS.into_iter().chain(OTHERS)
 }

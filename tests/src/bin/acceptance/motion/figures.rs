@@ -96,7 +96,9 @@ pub(super) struct Figures {
     pub(super) stops_solved: Vec<String>,
     /// The same by the stop straight ahead that the planner knows.
     pub(super) won_ahead: Vec<f64>,
-    /// Arrivals later than that by a motion of a plan that its deadline cut short.
+    /// The same beside a robot that stops as soon as it is asked to, where the motion was followed that is left.
+    pub(super) won_from_the_request: Vec<f64>,
+    /// Arrivals later than the shortest stop by a motion of a plan that its deadline cut short.
     pub(super) later_truncated: usize,
     /// Times of requests that found the robot in motion, ms: until the answer, and each stage by its name.
     pub(super) times_ms: BTreeMap<&'static str, Vec<f64>>,
@@ -275,6 +277,21 @@ impl Figures {
         self.won.push(won);
         self.won_ahead.push(share(reference.stop_ahead_s));
         is_later(&won)
+    }
+
+    /// Compares a joined motion that begins so long after its request with a stop at the request by the least time that a tendon takes, and a
+    /// motion from there that is known at once.
+    pub(super) fn compare_from_the_request(
+        &mut self,
+        motion: &Published,
+        reference: &StopThenGo,
+        lead_s: f64,
+    ) {
+        if let (Some(go_s), Some(last)) = (reference.go_s, motion.knots.last()) {
+            let stop_s = reference.least_stop_s;
+            let won_s = stop_s + go_s - lead_s - last.time_s;
+            self.won_from_the_request.push(won_s / stop_s);
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use tests::judge::{ALLOWED_USE, SENT_USE};
 use tests::world::{Settings, shipped};
 
-use super::figures::{Figures, is_later};
+use super::figures::{Figures, is_later, quantile};
 use super::replan_run::{Population, run as replan};
 use super::setpoints::{no_offences, within_limits};
 use crate::report::Report;
@@ -168,6 +168,17 @@ fn wins(report: &mut Report, name: &str, figures: &Figures) {
             "{}: {}",
             figures.stops_solved.len(),
             solved.collect::<Vec<_>>().join("; ")
+        ),
+    );
+    let from_the_request = &figures.won_from_the_request;
+    report.shown(
+        &format!("{name}: counted from the request, beside a robot that brakes at once and then knows its motion at once"),
+        format!(
+            "median {:.3}, p10 {:.3} of the stop of the slowest tendon; later in {} of {}",
+            median(from_the_request),
+            quantile(from_the_request, 0.1),
+            from_the_request.iter().filter(|won| is_later(won)).count(),
+            from_the_request.len()
         ),
     );
     let is_known = won.iter().all(|won| won.is_finite());

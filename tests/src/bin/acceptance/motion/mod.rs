@@ -4,6 +4,7 @@
 mod disturbed;
 mod faults;
 mod figures;
+mod goal_latency;
 mod joins;
 mod latency;
 mod moving_balls;
@@ -29,6 +30,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     routes::run,
     queues::run,
     latency::run,
+    goal_latency::run,
     disturbed::run,
     faults::run,
     moving_goal::run,

@@ -12,12 +12,13 @@ use shared_types::codes::{LoopFault, LoopState, Outcome};
 use tests::brute_force::Ball;
 use tests::geometry::seeded;
 use tests::judge::Judge;
+use tests::knots::{Knot, state_at};
 use tests::listener::{Heard, Listener, Published};
 use tests::replans::{ReplanScene, StopThenGo, random_pause, replan, stop_then_go};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
-use super::figures::{Answered, Asked, Figures, first_followed};
+use super::figures::{Answered, Asked, Figures, first_followed, motion_of};
 use crate::runs::folder;
 
 /// Seed of scenes, tips and pauses: nothing was trained with it.
@@ -194,6 +195,10 @@ fn references(
         };
         let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
         figures.references_left_out += usize::from(reference.leaves_out_faster);
+        if let Some((lead_s, at_request)) = when_asked(motion, heard, figures) {
+            let reference = stop_then_go(stack, &at_request, last.values[0], &scene.balls, seed)?;
+            figures.compare_from_the_request(motion, &reference, lead_s);
+        }
         if figures.compare(&stack.world.robot, motion, &reference, is_truncated) {
             let log = stack.process(Part::Daemon).log();
             let chosen_again = format!("plan {}: its switch was too near", motion.plan_id);
@@ -202,6 +207,23 @@ fn references(
         }
     }
     Ok(())
+}
+
+/// How long before its switch a joined motion was asked for, s, and the state of the motion that it leaves then; none where that had not
+/// begun yet.
+fn when_asked(motion: &Published, heard: &Heard, figures: &Figures) -> Option<(f64, Knot)> {
+    let (left, at_s) = motion.leaves?;
+    let asked_ns = figures.published.get(&motion.id)?.asked.mono_ns;
+    let lead_s = (motion.begin_mono_ns - asked_ns) as f64 * 1e-9;
+    let left = motion_of(&heard.motions, left)?;
+    let values = (lead_s <= at_s).then(|| state_at(&left.knots, at_s - lead_s))??;
+    Some((
+        lead_s,
+        Knot {
+            time_s: 0.0,
+            values,
+        },
+    ))
 }
 
 /// Adds a motion that arrived later than after a stop to a file, with all that it takes to plan it again.

@@ -1,16 +1,18 @@
 //! Balls that cross the workspace: kept on the way to a tip among them, beside arms that are stopped and plan again.
 
+mod arm;
+
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-use client::{GoalSender, ScenePublisher};
+use client::ScenePublisher;
 use serde::{Deserialize, Serialize};
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{GoalState, LoopState};
-use shared_types::message::{Ball as RestingBall, Cycle, MovingBall};
-use shared_types::valid::{Goal, PlanRequest, PreviousPlan};
+use shared_types::codes::LoopState;
+use shared_types::message::Cycle;
+use shared_types::valid::Goal;
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::crossing_balls::Crossing;
 use tests::judge::{Judge, Verdict};
@@ -18,6 +20,7 @@ use tests::listener::Listener;
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
+use self::arm::{Arm, Follower, TOLERANCE_M};
 use super::replan_run::wait_until_held;
 use super::setpoints::{no_offences, within_limits};
 use super::standing::stays_clear_after_a_stop;
@@ -27,39 +30,17 @@ use crate::spread::median;
 
 /// Seed of the first run: nothing was trained with it.
 const SEED: u64 = 88_000;
-/// Mean speed of the tip on its way to a random tip without balls, m/s.
+/// Speed of the tip on its way to a random tip, m/s: what is measured is shown beside it.
 const TIP_SPEED_M_S: f64 = 1.0;
 /// Time between two scenes, and for how long each is believed.
 const SCENE_PERIOD: Duration = Duration::from_millis(20);
 const SCENE_LIFETIME: Duration = Duration::from_millis(100);
 /// A run ends when the tip is there, or after this time.
 const LONGEST_RUN: Duration = Duration::from_secs(20);
-/// Distance from the target within which a tip has reached it, m.
-const TOLERANCE_M: f64 = 0.01;
 /// Time between two looks at a robot that stays where it is, nanoseconds.
 const LOOK_NS: usize = 1_000_000;
-/// Who brings the tip there.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Arm {
-    /// The goal that stays.
-    Kept,
-    /// Executes a plan among the balls, and plans again where it was stopped.
-    StopThenPlan,
-    /// The same with plans among the balls where they are, as if they stayed there: no foresight but supervision's.
-    StopThenPlanAsSeen,
-}
-
-impl Arm {
-    const ALL: [Self; 3] = [Self::Kept, Self::StopThenPlan, Self::StopThenPlanAsSeen];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Kept => "kept on the way",
-            Self::StopThenPlan => "stop, then plan again",
-            Self::StopThenPlanAsSeen => "stop, then plan again among balls as they are",
-        }
-    }
-}
+/// Cycles between two looks at the tip's speed.
+const SPEED_LOOKS: usize = 20;
 
 /// What came of the runs of all arms with the same balls.
 #[derive(Deserialize, Serialize)]
@@ -80,6 +61,9 @@ struct Run {
     touches: Vec<Touch>,
     replans: u64,
     lasted_s: f64,
+    /// Largest speed of the commanded tip, m/s.
+    #[serde(with = "crate::as_text")]
+    tip_speed_m_s: f64,
 }
 
 /// How near a ball came.
@@ -208,7 +192,21 @@ fn one(
         touches,
         replans,
         lasted_s,
+        tip_speed_m_s: largest_tip_speed_m_s(body, &heard.cycles, [begun_ns, ended_ns]),
     })
+}
+
+/// The largest speed of the commanded tip, over [`SPEED_LOOKS`] cycles each, m/s.
+fn largest_tip_speed_m_s(body: &Body, cycles: &[Cycle], [from_ns, until_ns]: [i64; 2]) -> f64 {
+    let during = |cycle: &&Cycle| (from_ns..=until_ns).contains(&cycle.stamp_mono_ns);
+    let looks: Vec<_> = cycles.iter().filter(during).step_by(SPEED_LOOKS).collect();
+    let tip = |cycle: &Cycle| body.tip(&body.explain(&cycle.setpoint_m).configuration);
+    let speed = |pair: &[&Cycle]| {
+        let squares = tip(pair[0]).into_iter().zip(tip(pair[1]));
+        let way_m = squares.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
+        way_m / ((pair[1].stamp_mono_ns - pair[0].stamp_mono_ns) as f64 * 1e-9)
+    };
+    looks.windows(2).map(speed).fold(0.0, f64::max)
 }
 
 /// Scenes that a thread of its own publishes, whatever an arm waits for.
@@ -276,116 +274,6 @@ fn go_to_start(stack: &mut Stack, crossing: &Crossing) -> anyhow::Result<()> {
     wait_until_held(stack)
 }
 
-/// One arm at work.
-enum Follower {
-    Kept(Box<GoalSender>),
-    StopThenPlan {
-        request: Box<PlanRequest>,
-        tip_m: [f64; 3],
-        plans: u64,
-        not_before: Instant,
-        /// The balls, where plans take them to stay where they are.
-        as_seen: Option<Crossing>,
-    },
-}
-
-impl Follower {
-    fn new(stack: &Stack, arm: Arm, crossing: &Crossing) -> anyhow::Result<Self> {
-        let goal = Goal::tip(crossing.tip_m);
-        Ok(match arm {
-            Arm::Kept => Self::Kept(GoalSender::connect(&stack.world.options)?.into()),
-            Arm::StopThenPlan | Arm::StopThenPlanAsSeen => Self::StopThenPlan {
-                request: Box::new(PlanRequest {
-                    candidate_count: 4,
-                    deadline: Some(Duration::from_millis(60)),
-                    execute: true,
-                    ignores_live_scene: arm == Arm::StopThenPlanAsSeen,
-                    ..PlanRequest::from_robot(goal)
-                }),
-                tip_m: crossing.tip_m,
-                plans: 0,
-                not_before: Instant::now(),
-                as_seen: (arm == Arm::StopThenPlanAsSeen).then(|| crossing.clone()),
-            },
-        })
-    }
-
-    /// Gives the goal that stays.
-    fn begin(&mut self, crossing: &Crossing) -> anyhow::Result<()> {
-        if let Self::Kept(sender) = self {
-            sender.give(Goal::tip(crossing.tip_m), 1.0)?;
-        }
-        Ok(())
-    }
-
-    /// Whether the tip is there, so long after the run's begin.
-    fn step(&mut self, stack: &mut Stack, elapsed_s: f64) -> anyhow::Result<bool> {
-        match self {
-            Self::Kept(goal) => {
-                let status = goal.status()?;
-                Ok(status.is_some_and(|status| status.state == GoalState::Reached))
-            }
-            Self::StopThenPlan {
-                request,
-                tip_m,
-                plans,
-                not_before,
-                as_seen,
-            } => {
-                let state = stack.controller_state();
-                let waits_for_its_begin = state.values.pending_trajectory_id != 0;
-                let is_at_rest = state.state == LoopState::Holding && !waits_for_its_begin;
-                if !is_at_rest || Instant::now() < *not_before {
-                    return Ok(false);
-                }
-                let at = state.values.commanded_configuration_rad;
-                if tests::stack::tip_error(&stack.world.robot, &at, tip_m) < TOLERANCE_M {
-                    return Ok(true);
-                }
-                if let Some(crossing) = as_seen {
-                    request.balls = still(&crossing.seen_after(elapsed_s));
-                }
-                let answer = stack.client.plan(request, PATIENCE)?;
-                *plans += 1;
-                request.seed += 1;
-                let is_under_way = answer.report().trajectory_id.is_some();
-                if is_under_way {
-                    request.previous = Some(PreviousPlan {
-                        plan_id: answer.report().plan_id,
-                        candidate: None,
-                    });
-                }
-                // The motion begins some ms later; where there is none, as often as the keeper tries again.
-                let pause = if is_under_way { 30 } else { 100 };
-                *not_before = Instant::now() + Duration::from_millis(pause);
-                Ok(false)
-            }
-        }
-    }
-
-    /// Plans made.
-    fn end(self) -> anyhow::Result<u64> {
-        match self {
-            Self::Kept(mut goal) => {
-                let plans = goal.status()?.map_or(0, |status| status.values.plan_count);
-                goal.withdraw()?;
-                goal.confirm(PATIENCE)?;
-                Ok(plans)
-            }
-            Self::StopThenPlan { plans, .. } => Ok(plans),
-        }
-    }
-}
-
-/// Balls that stay where these are.
-fn still(moving: &[MovingBall]) -> Vec<RestingBall> {
-    let still = moving.iter().map(|ball| RestingBall {
-        centre_m: ball.centre_m,
-        radius_m: ball.radius_m,
-    });
-    still.collect()
-}
-
 /// Least clearance of what was commanded while the balls were there, m.
 fn clearance_m(body: &Body, cycles: &[Cycle], balls: &[Ball], during_ns: [i64; 2]) -> f64 {
     let setpoints: Vec<(i64, Tendons)> = cycles
@@ -438,15 +326,17 @@ fn show(report: &mut Report, arm: Arm, runs: &[Run]) {
         .filter(|touch| touch.is_contact())
         .count();
     let reached_s: Vec<f64> = runs.iter().filter_map(|run| run.reached_s).collect();
+    let speeds: Vec<f64> = runs.iter().map(|run| run.tip_speed_m_s).collect();
     let figure = format!(
         "{} of {} reached, median {:.2} s; contacts {contacts}, {of_fast} of them where balls are as fast as the tip and the others where they \
          are half as fast; {on_the_way} of them before the end and the others of a robot that stays there, {avoidable} avoidable by a stop \
-         right after the ball was seen; {:.1} plans a second",
+         right after the ball was seen; {:.1} plans a second; largest tip speed of a run, median {:.2} m/s (balls are up to {TIP_SPEED_M_S} and half of it)",
         reached_s.len(),
         runs.len(),
         median(&reached_s),
         runs.iter().map(|run| run.replans as f64).sum::<f64>()
-            / runs.iter().map(|run| run.lasted_s).sum::<f64>()
+            / runs.iter().map(|run| run.lasted_s).sum::<f64>(),
+        median(&speeds)
     );
     report.shown(&line(arm.name()), figure);
 }

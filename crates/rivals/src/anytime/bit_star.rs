@@ -1,0 +1,180 @@
+//! BIT* (Gammell, Srinivasa and Barfoot, 2015): batches of samples, and edges between them in the order of the path that they may lead to.
+
+use super::tree::Tree;
+use super::{Attempt, nearest, neighbours};
+use crate::query::Query;
+use pcc_model::{Configuration, Point};
+use rand_pcg::Pcg64;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+/// Samples of a batch.
+const BATCH: usize = 100;
+
+/// What waits in a queue, the shortest path that it may lead to first.
+struct Waiting<T> {
+    /// Lower bound of that path's length with the tree as it was, section lengths.
+    least: f64,
+    what: T,
+}
+
+impl<T> Ord for Waiting<T> {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.least.total_cmp(&self.least)
+    }
+}
+
+impl<T> PartialOrd for Waiting<T> {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl<T> PartialEq for Waiting<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl<T> Eq for Waiting<T> {}
+
+/// An edge that may be made: from a node of the tree to a sample.
+struct Edge {
+    from: usize,
+    to: usize,
+}
+
+struct BitStar<'a> {
+    attempt: Attempt<'a>,
+    tree: Tree,
+    /// The goal configurations, then what was drawn.
+    samples: Vec<Configuration>,
+    tips: Vec<Point>,
+    /// The node of the tree that a sample has become.
+    node_of: Vec<Option<usize>>,
+    /// The tip positions of the tree's nodes.
+    node_tips: Vec<Point>,
+    nodes: BinaryHeap<Waiting<usize>>,
+    edges: BinaryHeap<Waiting<Edge>>,
+}
+
+/// The path of the shortest tip path to a goal configuration that was found in time.
+pub(crate) fn path(query: &Query, rng: &mut Pcg64) -> Option<Vec<Configuration>> {
+    let attempt = Attempt::new(query, rng)?;
+    let mut search = BitStar {
+        tree: Tree::rooted(query.start),
+        samples: Vec::new(),
+        tips: Vec::new(),
+        node_of: Vec::new(),
+        node_tips: vec![attempt.tip(&query.start)],
+        nodes: BinaryHeap::new(),
+        edges: BinaryHeap::new(),
+        attempt,
+    };
+    for goal in search.attempt.goals.clone() {
+        search.add(goal);
+    }
+    while !search.attempt.is_over() {
+        if search.nodes.is_empty() && search.edges.is_empty() && !search.begin_batch(rng) {
+            break;
+        }
+        search.step();
+    }
+    let goals = search.attempt.goals.len();
+    search.attempt.best(&search.tree, &search.node_of[..goals])
+}
+
+impl BitStar<'_> {
+    fn add(&mut self, sample: Configuration) {
+        self.tips.push(self.attempt.tip(&sample));
+        self.samples.push(sample);
+        self.node_of.push(None);
+    }
+
+    /// Length of the shortest tip path known, section lengths; infinite where none is.
+    fn shortest(&self) -> f64 {
+        let goals = &self.node_of[..self.attempt.goals.len()];
+        let costs = goals.iter().flatten().map(|node| self.tree.cost(*node));
+        costs.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Draws more samples that may lie on a shorter path, and lets every node of the tree look at its neighbours; whether there are any.
+    fn begin_batch(&mut self, rng: &mut Pcg64) -> bool {
+        let shortest = self.shortest();
+        let drawn: Vec<_> = (0..BATCH)
+            .map_while(|_| self.attempt.sample(shortest, rng))
+            .collect();
+        let is_any = !drawn.is_empty();
+        for sample in drawn {
+            self.add(sample);
+        }
+        for node in 0..self.tree.nodes.len() {
+            self.wait(node);
+        }
+        is_any
+    }
+
+    /// Puts a node of the tree into the queue of those that look at their neighbours.
+    fn wait(&mut self, node: usize) {
+        let least = self.tree.cost(node) + self.attempt.least_to_go(&self.node_tips[node]);
+        self.nodes.push(Waiting { least, what: node });
+    }
+
+    /// Lets the first node look at its neighbours, or makes the first edge, whichever may lead to the shorter path.
+    fn step(&mut self) {
+        let least = |first: Option<f64>| first.unwrap_or(f64::INFINITY);
+        let of_nodes = least(self.nodes.peek().map(|it| it.least));
+        let of_edges = least(self.edges.peek().map(|it| it.least));
+        if of_nodes.min(of_edges) >= self.shortest() {
+            self.nodes.clear();
+            self.edges.clear();
+        } else if of_nodes <= of_edges {
+            if let Some(node) = self.nodes.pop() {
+                self.look_around(node.what);
+            }
+        } else if let Some(edge) = self.edges.pop() {
+            self.make(&edge.what);
+        }
+    }
+
+    /// Puts the edges from a node to its neighbours that may lead to a shorter path into the queue.
+    fn look_around(&mut self, node: usize) {
+        let (shortest, cost) = (self.shortest(), self.tree.cost(node));
+        let count = neighbours(self.samples.len());
+        for to in nearest(&self.tree.nodes[node], &self.samples, count) {
+            let step = (self.tips[to] - self.node_tips[node]).norm();
+            let least = cost + step + self.attempt.least_to_go(&self.tips[to]);
+            let is_shorter = |other: usize| cost + step < self.tree.cost(other);
+            if least < shortest && self.node_of[to].is_none_or(is_shorter) {
+                let what = Edge { from: node, to };
+                self.edges.push(Waiting { least, what });
+            }
+        }
+    }
+
+    /// Makes an edge part of the tree if it is free and the tip's path to its end becomes shorter by it.
+    fn make(&mut self, &Edge { from, to }: &Edge) {
+        let (a, b) = (self.tree.nodes[from], self.samples[to]);
+        let known = |search: &Self| search.node_of[to].map(|node| search.tree.cost(node));
+        let least = self.tree.cost(from) + (self.tips[to] - self.node_tips[from]).norm();
+        if known(self).is_some_and(|cost| least >= cost) {
+            return;
+        }
+        let edge = self.attempt.tip_length(&a, &b);
+        let cost = self.tree.cost(from) + edge;
+        let is_better = cost + self.attempt.least_to_go(&self.tips[to]) < self.shortest()
+            && known(self).is_none_or(|known| cost < known);
+        if !is_better || !self.attempt.edge_is_free(&a, &b) {
+            return;
+        }
+        match self.node_of[to] {
+            Some(node) => self.tree.rewire(node, from, edge),
+            None => {
+                let node = self.tree.push(b, from, edge);
+                self.node_tips.push(self.tips[to]);
+                self.node_of[to] = Some(node);
+                self.wait(node);
+            }
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! RRT* (Karaman and Frazzoli, 2011) with as many neighbours as it needs, and samples that may lie on a shorter path alone.
+
+use super::tree::Tree;
+use super::{Attempt, nearest, neighbours};
+use crate::query::Query;
+use pcc_model::Configuration;
+use rand::RngExt;
+use rand_pcg::Pcg64;
+
+/// Share of the samples that are goal configurations.
+const GOAL_BIAS: f64 = 0.1;
+/// Longest edge, rad.
+const LONGEST_EDGE: f64 = 1.5;
+
+/// The path of the shortest tip path to a goal configuration that was found in time.
+pub(crate) fn path(query: &Query, rng: &mut Pcg64) -> Option<Vec<Configuration>> {
+    let attempt = Attempt::new(query, rng)?;
+    let mut tree = Tree::rooted(query.start);
+    let mut reached = vec![None; attempt.goals.len()];
+    while !attempt.is_over() {
+        let shortest = shortest(&tree, &reached);
+        let goal = rng.random_range(0..attempt.goals.len());
+        let is_goal = rng.random::<f64>() < GOAL_BIAS && reached[goal].is_none();
+        let Some(sample) = (match is_goal {
+            true => Some(attempt.goals[goal]),
+            false => attempt.sample(shortest, rng),
+        }) else {
+            break;
+        };
+        let Some(node) = grow(&attempt, &mut tree, &sample) else {
+            continue;
+        };
+        if tree.nodes[node] == attempt.goals[goal] {
+            reached[goal] = Some(node);
+        }
+    }
+    attempt.best(&tree, &reached)
+}
+
+/// Length of the shortest tip path to a goal configuration that was reached, section lengths; infinite where none was.
+fn shortest(tree: &Tree, reached: &[Option<usize>]) -> f64 {
+    let costs = reached.iter().flatten().map(|node| tree.cost(*node));
+    costs.fold(f64::INFINITY, f64::min)
+}
+
+/// Adds a node towards a sample behind the parent of the shortest tip path, and puts its neighbours behind it where theirs become shorter.
+fn grow(attempt: &Attempt, tree: &mut Tree, sample: &Configuration) -> Option<usize> {
+    let from = tree.nodes[*nearest(sample, &tree.nodes, 1).first()?];
+    let way = sample - from;
+    let node = match way.norm() {
+        length if length <= LONGEST_EDGE => *sample,
+        length => from + way * (LONGEST_EDGE / length),
+    };
+    let near = nearest(&node, &tree.nodes, neighbours(tree.nodes.len()));
+    let mut parents: Vec<(f64, f64, usize)> = near
+        .iter()
+        .map(|&i| {
+            let edge = attempt.tip_length(&tree.nodes[i], &node);
+            (tree.cost(i) + edge, edge, i)
+        })
+        .collect();
+    parents.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let is_free = |&(_, _, i): &(f64, f64, usize)| attempt.edge_is_free(&tree.nodes[i], &node);
+    let (cost, edge, parent) = parents.iter().copied().find(is_free)?;
+    let last = tree.push(node, parent, edge);
+    for (_, edge, other) in parents.into_iter().filter(|it| it.2 != parent) {
+        let is_shorter = cost + edge < tree.cost(other);
+        if is_shorter && attempt.edge_is_free(&node, &tree.nodes[other]) {
+            tree.rewire(other, last, edge);
+        }
+    }
+    Some(last)
+}

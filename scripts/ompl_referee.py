@@ -1,0 +1,121 @@
+#!/usr/bin/env python3
+"""OMPL's RRT-Connect and path simplifier on the cases of an evaluation, as an outside referee of the classical planners.
+
+    scripts/ompl_referee.py DIR --out FILE.npz [--seconds 1] [--seed 0] [--robot config/robots/unit.toml]
+
+DIR has paths.npz of `pcc evaluate`: its cases, and as many attempts a case as it has candidates, each towards the configuration that
+the evaluation's path of this number ends in (none where it has none). Collisions are looked at by the geometry of check_motions.py.
+Writes `paths [C,S,64,6]` (f64, rad; where no path was found the start alone) for `pcc evaluate --planner proposed --proposals FILE.npz`,
+and `seconds [C,S]`. The last line is a JSON object.
+"""
+
+import argparse
+import json
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+from ompl import base, geometric, util
+
+from check_motions import Robot, backbone
+
+WAYPOINTS = 64
+# Longest way between two states that are looked at, as a share of the space's extent.
+RESOLUTION = 0.002
+
+
+def clear_of(robot, centres, radii):
+    """Whether a state bends no section too far and touches no ball."""
+
+    def is_clear(state):
+        shape = np.array([state[i] for i in range(6)])
+        if np.linalg.norm(shape.reshape(3, 2), axis=1).max() > robot.limit:
+            return False
+        points = backbone(robot, shape[None])[0]
+        apart = np.linalg.norm(points[:, None] - centres[None], axis=2) - radii[None]
+        return bool((apart > robot.tube).all())
+
+    return is_clear
+
+
+def state_of(space, shape):
+    state = space.allocState()
+    for i, value in enumerate(shape):
+        state[i] = float(value)
+    return state
+
+
+def attempt(robot, start, goal, centres, radii, seconds):
+    """A simplified path of RRT-Connect [64, 6], or None."""
+    space = base.RealVectorStateSpace(6)
+    bounds = base.RealVectorBounds(6)
+    bounds.setLow(-robot.limit)
+    bounds.setHigh(robot.limit)
+    space.setBounds(bounds)
+    setup = geometric.SimpleSetup(space)
+    setup.setStateValidityChecker(clear_of(robot, centres, radii))
+    information = setup.getSpaceInformation()
+    information.setStateValidityCheckingResolution(RESOLUTION)
+    setup.setStartAndGoalStates(state_of(space, start), state_of(space, goal))
+    setup.setPlanner(geometric.RRTConnect(information))
+    setup.solve(seconds)
+    if not setup.haveExactSolutionPath():
+        return None
+    setup.simplifySolution(seconds)
+    path = setup.getSolutionPath()
+    path.interpolate(WAYPOINTS)
+    states = path.getStates()
+    return np.array([[state[i] for i in range(6)] for state in states])
+
+
+def answer(job):
+    robot, case, start, goals, centres, radii, seconds, seed = job
+    util.noOutputHandler()
+    util.RNG.setSeed(seed + case + 1)
+    paths = np.broadcast_to(start, (len(goals), WAYPOINTS, 6)).copy()
+    took, found = np.zeros(len(goals)), 0
+    for number, goal in enumerate(goals):
+        begun = time.perf_counter()
+        path = attempt(robot, start, goal, centres, radii, seconds) if np.isfinite(goal).all() else None
+        took[number] = time.perf_counter() - begun
+        if path is not None and len(path) == WAYPOINTS:
+            paths[number] = path
+            found += 1
+    return paths, took, found
+
+
+def jobs(robot, file, seconds, seed):
+    with np.load(file) as archive:
+        arrays = {name: archive[name] for name in ("starts", "paths", "obstacle_centres", "obstacle_radii", "obstacle_offsets")}
+    offsets = arrays["obstacle_offsets"]
+    for case, start in enumerate(arrays["starts"].astype(float)):
+        balls = slice(offsets[case], offsets[case + 1])
+        centres = arrays["obstacle_centres"][balls].astype(float).reshape(-1, 3)
+        radii = arrays["obstacle_radii"][balls].astype(float)
+        yield robot, case, start, arrays["paths"][case, :, -1].astype(float), centres, radii, seconds, seed
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--seconds", type=float, default=1.0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--robot", default="config/robots/unit.toml")
+    arguments = parser.parse_args()
+    asked = list(jobs(Robot(arguments.robot), arguments.folder / "paths.npz", arguments.seconds, arguments.seed))
+    paths, took, found = [], [], 0
+    with ProcessPoolExecutor() as workers:
+        for done, (path, seconds, count) in enumerate(workers.map(answer, asked), start=1):
+            paths.append(path)
+            took.append(seconds)
+            found += count
+            print(f"{done} of {len(asked)} cases, {found} paths", flush=True)
+    np.savez(arguments.out, paths=np.array(paths), seconds=np.array(took))
+    attempts = sum(np.isfinite(job[3]).all(axis=1).sum() for job in asked)
+    print(json.dumps({"attempts": int(attempts), "found": found, "seconds_an_attempt": float(np.sum(took) / max(attempts, 1))}))
+
+
+if __name__ == "__main__":
+    main()
