@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """OMPL's RRT-Connect and path simplifier on the cases of an evaluation, as an outside referee of the classical planners.
 
-    scripts/ompl_referee.py DIR --out FILE.npz [--seconds 1] [--seed 0] [--robot config/robots/unit.toml]
+    scripts/ompl_referee.py DIR --out FILE.npz [--seconds 10] [--seed 0] [--robot config/robots/unit.toml]
 
 DIR has paths.npz of `pcc evaluate`: its cases, and as many attempts a case as it has candidates, each towards the configuration that
 the evaluation's path of this number ends in (none where it has none). Collisions are looked at by the geometry of check_motions.py.
@@ -100,7 +100,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--seconds", type=float, default=1.0)
+    parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--robot", default="config/robots/unit.toml")
     arguments = parser.parse_args()

@@ -60,6 +60,8 @@ pub(crate) struct GoalKeeper {
     kept: Option<KeptGoal>,
     /// What the plan in work is made for, whatever has become of the goal.
     planned_for: Option<Target>,
+    /// Whether that plan was given up for a goal elsewhere.
+    is_overtaken: bool,
     orders: HeardOrders,
     /// When the last goal that was given up had been given, nanoseconds: nothing given until then counts.
     ended_given_mono_ns: i64,
@@ -73,6 +75,7 @@ impl GoalKeeper {
             robot,
             kept: None,
             planned_for: None,
+            is_overtaken: false,
             orders: HeardOrders::default(),
             ended_given_mono_ns: 0,
             status: GoalStatus::ZEROED,
@@ -185,8 +188,9 @@ impl GoalKeeper {
             self.tell_stop(*reason);
             return None;
         }
+        let has_jumped = self.has_jumped();
         let kept = self.kept.as_mut()?;
-        if is_planning || now_mono_ns < kept.next_plan_mono_ns {
+        if is_planning || now_mono_ns < kept.next_plan_mono_ns(has_jumped) {
             return None;
         }
         let target = Target {
@@ -207,7 +211,8 @@ impl GoalKeeper {
         }
         let is_nearby = kept
             .last_planned_for
-            .is_some_and(|last| are_nearby(&last, &target, &self.robot));
+            .filter(|last| last.given_mono_ns == target.given_mono_ns)
+            .is_some_and(|last| are_nearby(&last.goal, &target.goal, &self.robot));
         if is_nearby && gathers_speed(robot, now_mono_ns) {
             return None;
         }
@@ -234,6 +239,23 @@ impl GoalKeeper {
         }
     }
 
+    /// Whether the goal is elsewhere than where it was when the last plan was made.
+    fn has_jumped(&self) -> bool {
+        self.kept.as_ref().is_some_and(|kept| {
+            let last = kept.last_goal.as_ref();
+            last.is_none_or(|last| !are_nearby(last, &kept.newest.goal, &self.robot))
+        })
+    }
+
+    /// Whether the plan in work is to be given up now, since the goal is elsewhere. Of goals that jump about, one is planned to in time.
+    pub(crate) fn overtakes(&mut self, now_mono_ns: i64) -> bool {
+        let is_due = |kept: &KeptGoal| now_mono_ns >= kept.next_plan_mono_ns(true);
+        let is_planning = self.planned_for.is_some() && !self.is_overtaken;
+        let overtakes = is_planning && self.has_jumped() && self.kept.as_ref().is_some_and(is_due);
+        self.is_overtaken |= overtakes;
+        overtakes
+    }
+
     /// Whether a robot at rest stays where it is.
     fn is_at(&self, goal: &Goal, configuration: &Configuration) -> bool {
         match *goal {
@@ -250,10 +272,12 @@ impl GoalKeeper {
 
     fn plan(&mut self, target: Target, now_mono_ns: i64) -> Option<PlanRequest> {
         let requested_mono_ns = self.requested_mono_ns(target.given_mono_ns);
+        let has_jumped = self.has_jumped();
         let kept = self.kept.as_mut()?;
         self.planned_for = Some(target);
         kept.last_planned_for = Some(target);
-        kept.next_plan_mono_ns = now_mono_ns + PERIOD_NS;
+        kept.last_goal = Some(kept.newest.goal);
+        kept.note_plan(has_jumped, now_mono_ns + PERIOD_NS);
         kept.look_again_mono_ns = now_mono_ns + LOOK_AGAIN_NS;
         self.status.plan_count += 1;
         Some(PlanRequest {
@@ -284,7 +308,7 @@ impl GoalKeeper {
         let Some((kept, target)) = self.kept.as_ref().zip(self.planned_for) else {
             return Wanted::GivenUp;
         };
-        if target.given_mono_ns != given(kept) || self.is_over() {
+        if target.given_mono_ns != given(kept) || self.is_over() || self.is_overtaken {
             return Wanted::GivenUp;
         }
         let there = Wanted::NoBetter { remaining_s: 0.0 };
@@ -307,22 +331,39 @@ impl GoalKeeper {
         }
     }
 
+    /// Hears of the motion of the plan in work, which may not be complete yet.
+    pub(crate) fn hear_motion(&mut self, motion: PublishedMotion) {
+        let Some((kept, target)) = self.kept.as_mut().zip(self.planned_for) else {
+            return;
+        };
+        let is_known = self.status.trajectory_id == motion.trajectory_id;
+        if is_known || target.given_mono_ns != kept.newest.given_mono_ns {
+            return;
+        }
+        kept.head(Heading { motion, target });
+        self.status.motion_count += 1;
+        self.status.trajectory_id = motion.trajectory_id;
+        self.tell(GoalState::Underway, "");
+    }
+
     /// Hears what came of the plan that was to be made.
     pub(crate) fn hear_plan(&mut self, result: &PlanResult) {
+        if let Some(motion) = result.published {
+            self.hear_motion(motion);
+        }
+        let is_overtaken = std::mem::take(&mut self.is_overtaken);
         let target = self.planned_for.take();
         let Some((kept, target)) = self.kept.as_mut().zip(target) else {
             return;
         };
-        if target.given_mono_ns != kept.newest.given_mono_ns {
+        let is_of_before = target.given_mono_ns != kept.newest.given_mono_ns;
+        if is_of_before || is_overtaken && result.published.is_none() {
             return;
         }
         self.status.outcome = result.outcome.code();
-        if let Some(motion) = result.published {
-            kept.head(Heading { motion, target });
+        if result.published.is_some() {
             kept.previous_plan_id = Some(result.plan_id);
-            self.status.motion_count += 1;
-            self.status.trajectory_id = motion.trajectory_id;
-            return self.tell(GoalState::Underway, "");
+            return;
         }
         let is_barred = kept.is_blocked && !result.says_nothing_of_the_goal();
         if kept.is_headed_for(&target) && !is_barred {
@@ -414,19 +455,19 @@ fn gathers_speed(robot: &RobotMotion, now_mono_ns: i64) -> bool {
     began_at_rest && !followed.is_blocked && followed.latest_s(now_mono_ns) < GATHERS_SPEED_S
 }
 
-/// Whether two targets are of one goal, whose tip has moved but little.
-fn are_nearby(a: &Target, b: &Target, robot: &UnitRobot) -> bool {
+/// Whether two goals are tips near to each other.
+fn are_nearby(a: &Goal, b: &Goal, robot: &UnitRobot) -> bool {
     let (
         Goal::Tip {
             position_m: from, ..
         },
         Goal::Tip { position_m: to, .. },
-    ) = (a.goal, b.goal)
+    ) = (*a, *b)
     else {
         return false;
     };
     let [from, to] = [from, to].map(|it| robot.point_in_section_lengths(it));
-    a.given_mono_ns == b.given_mono_ns && (from - to).norm() <= NEARBY
+    (from - to).norm() <= NEARBY
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The turn of the goal that stays: its plans in the queue.
 
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use shared_types::clock::mono_now_ns;
@@ -22,6 +23,7 @@ impl Service {
         let robot = self.execution.robot_motion();
         self.goal.keeper.hear_orders(self.execution.heard_orders());
         let now = mono_now_ns();
+        self.give_up_overtaken_plan(now);
         let mut is_asked = false;
         if self.goal.keeper.has_goal()
             && let Some(request) = self.goal.keeper.next_plan(&robot, now)
@@ -31,6 +33,17 @@ impl Service {
         }
         self.goal.tell(now);
         is_asked
+    }
+
+    /// Breaks the plan in work to the goal off where that is elsewhere by now.
+    fn give_up_overtaken_plan(&mut self, now_mono_ns: i64) {
+        if let Some(in_flight) = &self.in_flight
+            && matches!(in_flight.queued.asker, Asker::GoalKeeper)
+            && in_flight.executed.is_none()
+            && self.goal.keeper.overtakes(now_mono_ns)
+        {
+            in_flight.cancelled.store(true, Ordering::Relaxed);
+        }
     }
 
     /// Puts a plan to the goal into the queue.

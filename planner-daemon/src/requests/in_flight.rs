@@ -40,22 +40,18 @@ impl Queued {
             sampler: self.task.request.sampler,
             has_several_goals: self.task.has_several_goals(),
             work: match (&self.asker, self.task.request.sampler) {
+                (_, Sampler::Default) if selects_early => Work::StraightSegments,
                 (Asker::GoalKeeper, _) => Work::WholePlanToKeptGoal,
-                (Asker::Client(_), Sampler::Default) if selects_early => Work::StraightSegments,
                 (Asker::Client(_), _) => Work::WholePlan,
             },
         }
     }
 
     /// Whether its motion is to be executed before the plan is complete, where it begins in motion. The candidates of an early answer would
-    /// begin elsewhere. The keeper of the goal that stays hears of a motion with the plan, so that it can have it stopped from then on.
+    /// begin elsewhere.
     pub(super) fn wants_early_selection(&self) -> bool {
-        let is_of_client = matches!(self.asker, Asker::Client(_));
         let has_early_answer = self.task.early.is_some();
-        is_of_client
-            && !has_early_answer
-            && self.task.executes_fastest()
-            && !self.task.has_several_goals()
+        !has_early_answer && self.task.executes_fastest() && !self.task.has_several_goals()
     }
 }
 

@@ -26,7 +26,7 @@ use crate::execution::{
     ExecutionRefusal, ExecutionTiming, ExpectedBegin, RobotMotion, SelectedMotion, Switch,
     TimedGoal,
 };
-use crate::goal_keeping::Wanted;
+use crate::goal_keeping::{PublishedMotion, Wanted};
 
 /// Longest wait for a motion that ends or is left in a moment, before a request that begins where the robot is is refused.
 const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
@@ -264,6 +264,12 @@ impl Service {
         if asker.is_waiting() && is_deliverable(task, candidate, self.runner.robot()) {
             let published = self.execute(&mut in_flight, Some(candidate));
             self.note_foreign_motion(&in_flight, published.as_ref());
+            if let (Asker::GoalKeeper, Some(Ok(id))) = (&in_flight.queued.asker, &published) {
+                self.goal.keeper.hear_motion(PublishedMotion {
+                    trajectory_id: *id,
+                    duration_s: candidate.trajectory.duration(),
+                });
+            }
             let made_again = published.as_ref().and_then(|it| in_flight.made_again(it));
             if made_again.is_some() {
                 in_flight.cancelled.store(true, Ordering::Relaxed);

@@ -55,3 +55,69 @@ fn a_motion_from_rest_gathers_speed_before_it_is_left_for_a_tip_that_moved_a_lit
         assert!(bench.after(20, &begun(20, now, is_blocked)).is_some());
     }
 }
+
+fn tip_at(x: f64, stamp: i64) -> StandingGoal {
+    StandingGoal {
+        stamp_mono_ns: GIVEN + stamp,
+        ..given(GIVEN, Goal::tip([x, 0.5, 2.3]))
+    }
+}
+
+#[test]
+fn a_goal_that_jumps_is_planned_for_at_once_but_not_again_and_again() {
+    let mut bench = Bench::new();
+    bench.give(tip_at(1.0, 0));
+    bench.heads(&holding(), 7);
+    bench.give(tip_at(1.02, 1));
+    assert!(bench.after(100, &following(7)).is_some());
+    bench.publish(8);
+    bench.give(tip_at(-1.0, 2));
+    let request = bench.after(1, &following(8)).expect("it has jumped");
+    assert_eq!(request.goal, Goal::tip([-1.0, 0.5, 2.3]));
+    bench.publish(9);
+    bench.give(tip_at(1.0, 3));
+    assert!(bench.after(19, &following(9)).is_none());
+    assert!(bench.after(1, &following(9)).is_some());
+}
+
+#[test]
+fn a_plan_in_work_is_given_up_for_a_goal_that_has_jumped() {
+    let mut bench = Bench::new();
+    bench.give(tip_at(1.0, 0));
+    assert!(bench.after(0, &holding()).is_some());
+    assert!(!bench.keeper.overtakes(bench.now + 30 * MS));
+    bench.give(tip_at(-1.0, 1));
+    assert!(!bench.keeper.overtakes(bench.now + 19 * MS), "too soon");
+    assert!(bench.keeper.overtakes(bench.now + 20 * MS));
+    assert!(
+        !bench.keeper.overtakes(bench.now + 21 * MS),
+        "it is already"
+    );
+    assert_eq!(bench.keeper.wants(None, 1.0), Wanted::GivenUp);
+    bench.keeper.hear_plan(&failed(Outcome::Truncated, ""));
+    assert_eq!(bench.state(), GoalState::Planning);
+    let request = bench.after(20, &holding()).expect("a plan to the new goal");
+    assert_eq!(request.goal, Goal::tip([-1.0, 0.5, 2.3]));
+    assert_eq!(bench.keeper.wants(None, 1.0), Wanted::Yes);
+}
+
+#[test]
+fn a_motion_of_a_plan_that_is_not_complete_is_under_way() {
+    let mut bench = Bench::new();
+    bench.give(tip_at(1.0, 0));
+    assert!(bench.after(0, &holding()).is_some());
+    let motion = PublishedMotion {
+        trajectory_id: 7,
+        duration_s: 2.0,
+    };
+    bench.keeper.hear_motion(motion);
+    assert_eq!(bench.state(), GoalState::Underway);
+    assert!(bench.after(50, &following(7)).is_none(), "the plan goes on");
+    bench.publish(7);
+    assert_eq!(bench.keeper.status().motion_count, 1);
+    let withdrawn = StandingGoal {
+        is_withdrawn: true,
+        ..tip_at(1.0, 1)
+    };
+    assert_eq!(bench.keeper.give(withdrawn), Ok(Some(7)));
+}
