@@ -1,6 +1,6 @@
 """The client of the planner, its controller and the robot. Lengths metres, angles radians, times seconds; base frame.
 
-What is connected is used by the thread that made it. Calls raise ValueError for what is not allowed, with what is, and PccError else.
+What is connected is used by the thread that made it; other threads run while a call waits, and Ctrl-C ends the wait. Calls raise ValueError for what is not allowed, with what is, and PccError else.
 """
 
 from collections.abc import Iterator, Sequence

@@ -6,6 +6,7 @@ use shared_types::valid::{PlanRequest, PlannedExecution};
 use crate::answer::Answer;
 use crate::error::{raised, time_limit};
 use crate::request::{balls, goal, options};
+use crate::waiting::wait;
 
 /// A connection to the planner daemon that outlives the daemon's restarts.
 #[pyclass(unsendable, module = "pcc")]
@@ -26,6 +27,7 @@ impl Client {
     #[allow(clippy::too_many_arguments)] // They have names in Python.
     fn plan(
         &mut self,
+        py: Python<'_>,
         goal: Vec<f64>,
         via: Vec<Vec<f64>>,
         start: Option<[f64; 6]>,
@@ -55,20 +57,22 @@ impl Client {
             deadline: deadline.map(time_limit).transpose()?,
             ..from
         };
-        let answer = self.0.plan(&request, time_limit(timeout)?);
-        answer.map(Answer::from).map_err(raised)
+        wait(py, timeout, |limit| self.0.plan(&request, limit)).map(Answer::from)
     }
 
     /// Has a candidate of an earlier plan executed exactly as it was answered; the selected one where none is named.
     #[pyo3(signature = (plan_id, candidate=None, timeout=5.0))]
     fn execute(
         &mut self,
+        py: Python<'_>,
         plan_id: u64,
         candidate: Option<usize>,
         timeout: f64,
     ) -> PyResult<Answer> {
         let execution = PlannedExecution::now(plan_id, candidate);
-        let answer = self.0.execute_planned(&execution, time_limit(timeout)?);
-        answer.map(Answer::from).map_err(raised)
+        wait(py, timeout, |limit| {
+            self.0.execute_planned(&execution, limit)
+        })
+        .map(Answer::from)
     }
 }

@@ -6,8 +6,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use shared_types::valid::Command;
 
-use crate::error::{raised, time_limit};
+use crate::error::raised;
 use crate::request::options;
+use crate::waiting::wait;
 
 /// The controller's state, and orders to it.
 #[pyclass(unsendable, module = "pcc")]
@@ -55,6 +56,7 @@ impl Controller {
     #[pyo3(signature = (order, speed=None, *, reason="", timeout=2.0))]
     fn command(
         &mut self,
+        py: Python<'_>,
         order: &str,
         speed: Option<f64>,
         reason: &str,
@@ -72,10 +74,8 @@ impl Controller {
                 )));
             }
         };
-        let reply = self
-            .0
-            .command(command.because(reason), time_limit(timeout)?);
-        let reply = reply.map_err(raised)?;
+        let command = command.because(reason);
+        let reply = wait(py, timeout, |limit| self.0.command(command, limit))?;
         Ok((reply.accepted, reply.reason.to_string()))
     }
 }

@@ -12,6 +12,7 @@ use std::path::PathBuf;
 
 use crate::error::raised;
 use crate::request::options;
+use crate::waiting::detached;
 
 /// Drives the motors of a robot, in cycles of 1 ms; it has the robot's place. As an iterator it gives what the motors are to do in each cycle.
 #[pyclass(unsendable, module = "pcc")]
@@ -45,7 +46,7 @@ impl Driver {
 
     fn __next__(&mut self, py: Python<'_>) -> PyResult<Targets> {
         py.check_signals()?;
-        Ok(Targets(self.0.next_targets()))
+        Ok(Targets(detached(py, || self.0.next_targets())))
     }
 
     /// Publishes what the motors did in this cycle: the measured lengths of the tendons, and whether the motors are in fault.

@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use crate::driver::{Targets, motor_fault};
 use crate::error::raised;
 use crate::request::options;
+use crate::waiting::detached;
 
 /// Follows the planner's trajectories in the controller's place. As an iterator it gives each cycle, until it was shut down and the robot is at rest.
 #[pyclass(unsendable, module = "pcc")]
@@ -42,7 +43,7 @@ impl Follower {
 
     fn __next__(&mut self, py: Python<'_>) -> PyResult<Option<Cycle>> {
         py.check_signals()?;
-        Ok(self.0.next_cycle().map(Cycle))
+        Ok(detached(py, || self.0.next_cycle()).map(Cycle))
     }
 
     /// Says what the motors did in this cycle: the measured lengths of the tendons, and whether the motors are in fault.

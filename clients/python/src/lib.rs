@@ -1,5 +1,5 @@
 //! The client for Python, over the crate `client`: the module `pcc`, typed in `pcc.pyi`.
-#![allow(unsafe_code)] // The buffer protocol.
+#![allow(unsafe_code)] // The buffer protocol, and waits without Python's lock.
 #![allow(clippy::needless_pass_by_value)] // Python hands values over.
 
 mod answer;
@@ -12,6 +12,7 @@ mod goal;
 mod request;
 mod results;
 mod scene;
+mod waiting;
 
 use pyo3::prelude::*;
 

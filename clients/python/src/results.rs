@@ -1,15 +1,11 @@
 //! How motions ended.
 
-use std::time::{Duration, Instant};
-
 use ::client::ResultView;
 use pyo3::prelude::*;
 
-use crate::error::{raised, time_limit};
+use crate::error::raised;
 use crate::request::options;
-
-/// Time after which a wait lets Python look for signals.
-const SLICE: Duration = Duration::from_millis(50);
+use crate::waiting::wait;
 
 /// The results of motions: those since it was made, and the last eight before.
 #[pyclass(unsendable, module = "pcc")]
@@ -33,17 +29,7 @@ impl Results {
         trajectory_id: u32,
         timeout: f64,
     ) -> PyResult<Option<(&'static str, String)>> {
-        let end = Instant::now() + time_limit(timeout)?;
-        loop {
-            let left = end.saturating_duration_since(Instant::now());
-            let ended = self
-                .0
-                .wait_for(trajectory_id, left.min(SLICE))
-                .map_err(raised)?;
-            if ended.is_some() || left.is_zero() {
-                return Ok(ended.map(|it| (it.outcome.text(), it.values.reason.to_string())));
-            }
-            py.check_signals()?;
-        }
+        let ended = wait(py, timeout, |limit| self.0.wait_for(trajectory_id, limit))?;
+        Ok(ended.map(|it| (it.outcome.text(), it.values.reason.to_string())))
     }
 }

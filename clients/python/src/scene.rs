@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 
 use crate::error::{raised, time_limit};
 use crate::request::{moving_balls, options};
+use crate::waiting::{detached, wait};
 
 /// Publishes what one source knows of the obstacles. As a context it takes its leave at the end.
 #[pyclass(unsendable, module = "pcc")]
@@ -20,22 +21,20 @@ impl Scene {
     }
 
     /// Publishes all balls that the source knows of now (x, y, z, radius, metres; vx, vy, vz, m/s); they count for `lifetime` seconds.
-    fn publish(&mut self, balls: Vec<[f64; 7]>, lifetime: f64) -> PyResult<()> {
-        let lifetime = time_limit(lifetime)?;
-        self.0
-            .publish(&moving_balls(&balls), lifetime)
-            .map_err(raised)
+    fn publish(&mut self, py: Python<'_>, balls: Vec<[f64; 7]>, lifetime: f64) -> PyResult<()> {
+        let (balls, lifetime) = (moving_balls(&balls), time_limit(lifetime)?);
+        detached(py, || self.0.publish(&balls, lifetime)).map_err(raised)
     }
 
     /// Waits until the daemon has judged the last scene, which raises where it has refused it.
     #[pyo3(signature = (timeout=2.0))]
-    fn confirm(&self, timeout: f64) -> PyResult<()> {
-        self.0.confirm(time_limit(timeout)?).map_err(raised)
+    fn confirm(&self, py: Python<'_>, timeout: f64) -> PyResult<()> {
+        wait(py, timeout, |limit| self.0.confirm(limit))
     }
 
     /// Signs the source off: its obstacles are gone, and no scene of it is expected any more.
-    fn leave(&mut self) -> PyResult<()> {
-        self.0.take_leave().map_err(raised)
+    fn leave(&mut self, py: Python<'_>) -> PyResult<()> {
+        detached(py, || self.0.take_leave()).map_err(raised)
     }
 
     fn __enter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
@@ -44,10 +43,11 @@ impl Scene {
 
     fn __exit__(
         &mut self,
+        py: Python<'_>,
         _kind: &Bound<'_, PyAny>,
         _error: &Bound<'_, PyAny>,
         _traceback: &Bound<'_, PyAny>,
     ) -> PyResult<()> {
-        self.leave()
+        self.leave(py)
     }
 }

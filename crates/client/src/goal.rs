@@ -61,15 +61,18 @@ impl GoalSender {
     ///
     /// # Errors
     /// [`ClientError::NoServer`] where none does in time.
-    pub fn wait_for_daemon(&mut self, timeout: Duration) -> Result<(), ClientError> {
+    pub fn wait_for_daemon<'program>(
+        &mut self,
+        timeout: impl Into<TimeLimit<'program>>,
+    ) -> Result<(), ClientError> {
         let topic = &self.topic;
         let is_heard = || Ok::<_, ClientError>((topic.number_of_subscribers() > 0).then_some(()));
         let pause = |left: Duration| thread::sleep(LOOK_INTERVAL.min(left));
-        let limit = TimeLimit::new(timeout);
+        let limit = timeout.into();
         let heard = wait(&limit, &mut self.cleaner, &self.node, pause, is_heard)?;
         heard.ok_or(ClientError::NoServer {
             server: DAEMON,
-            waited: timeout,
+            waited: limit.duration(),
         })
     }
 
@@ -156,13 +159,13 @@ impl GoalSender {
     ///
     /// # Errors
     /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
-    pub fn wait_for(
+    pub fn wait_for<'program>(
         &mut self,
-        timeout: Duration,
+        timeout: impl Into<TimeLimit<'program>>,
         mut is_waited_for: impl FnMut(&GoalStatus) -> bool,
     ) -> Result<Option<GoalStatus>, ClientError> {
         let pause = |left: Duration| thread::sleep(LOOK_INTERVAL.min(left));
-        let limit = TimeLimit::new(timeout);
+        let limit = timeout.into();
         let (statuses, sent, latest) = (&self.statuses, self.sent, &mut self.latest);
         wait(&limit, &mut self.cleaner, &self.node, pause, || {
             let status = take_in(statuses, sent, latest)?;

@@ -5,7 +5,8 @@
 //! * [`GoalSender`]: a goal that may move, which the daemon keeps the robot on its way to; [`GoalView`]: what becomes of it, for who only watches;
 //! * [`ResultView`]: how each motion ended, and why;
 //! * [`RobotView`], [`CycleRecorder`]: what the robot does, and every cycle of the loop;
-//! * [`ScenePublisher`]: publishes the obstacles that a source knows.
+//! * [`ScenePublisher`]: publishes the obstacles that a source knows;
+//! * [`TimeLimit`]: how long a call may wait, as a [`std::time::Duration`] or with a question whether it is given up.
 //!
 //! Each connects by itself with [`shared_types::ipc::IpcOptions`], in any start order, and survives the other side's
 //! restart. **None of them but [`ScenePublisher`] is `Send`**: create each in the thread that uses it.
@@ -27,3 +28,4 @@ pub use plan::{Client, Pending};
 pub use result_view::ResultView;
 pub use scene::ScenePublisher;
 pub use view::{ControllerView, CycleRecorder, RobotView};
+pub use waiting::TimeLimit;

@@ -147,8 +147,11 @@ impl Client {
     ///
     /// # Errors
     /// [`ClientError::NoServer`] if none does in time, [`ClientError::Ipc`] if its service cannot be joined.
-    pub fn wait_for_daemon(&mut self, timeout: Duration) -> Result<(), ClientError> {
-        self.wait_for_port(&TimeLimit::new(timeout)).map(drop)
+    pub fn wait_for_daemon<'program>(
+        &mut self,
+        timeout: impl Into<TimeLimit<'program>>,
+    ) -> Result<(), ClientError> {
+        self.wait_for_port(&timeout.into()).map(drop)
     }
 
     /// Plans: sends the request and waits for the answer, `timeout` in all.
@@ -158,12 +161,12 @@ impl Client {
     ///
     /// # Errors
     /// Any [`ClientError`]; an answer with another outcome than ok is no error.
-    pub fn plan(
+    pub fn plan<'program>(
         &mut self,
         request: &PlanRequest,
-        timeout: Duration,
+        timeout: impl Into<TimeLimit<'program>>,
     ) -> Result<PlanAnswer, ClientError> {
-        let limit = TimeLimit::new(timeout);
+        let limit = timeout.into();
         let first = self.plan_once(request, &limit);
         match first {
             Err(ClientError::ServerLost {
@@ -182,12 +185,12 @@ impl Client {
     ///
     /// # Errors
     /// As [`Client::plan`].
-    pub fn execute_planned(
+    pub fn execute_planned<'program>(
         &mut self,
         execution: &PlannedExecution,
-        timeout: Duration,
+        timeout: impl Into<TimeLimit<'program>>,
     ) -> Result<PlanAnswer, ClientError> {
-        let limit = TimeLimit::new(timeout);
+        let limit = timeout.into();
         let outgoing = Outgoing {
             wire: execution.try_into().map_err(ClientError::InvalidRequest)?,
             execute: true,
@@ -221,26 +224,30 @@ impl Client {
     ///
     /// # Errors
     /// As [`Client::poll`], and [`ClientError::TimedOut`]; the request goes on.
-    pub fn next(
+    pub fn next<'program>(
         &mut self,
         pending: &mut Pending,
-        timeout: Duration,
+        timeout: impl Into<TimeLimit<'program>>,
     ) -> Result<PlanAnswer, ClientError> {
-        self.next_within(pending, &TimeLimit::new(timeout))
+        self.next_within(pending, &timeout.into())
     }
 
     /// Waits for the whole answer to a request, passing over an early one; without it in time the request is cancelled.
     ///
     /// # Errors
     /// As [`Client::poll`], and [`ClientError::TimedOut`].
-    pub fn wait(&mut self, pending: Pending, timeout: Duration) -> Result<PlanAnswer, ClientError> {
-        self.wait_within(pending, &TimeLimit::new(timeout))
+    pub fn wait<'program>(
+        &mut self,
+        pending: Pending,
+        timeout: impl Into<TimeLimit<'program>>,
+    ) -> Result<PlanAnswer, ClientError> {
+        self.wait_within(pending, &timeout.into())
     }
 
     fn plan_once(
         &mut self,
         request: &PlanRequest,
-        limit: &TimeLimit,
+        limit: &TimeLimit<'_>,
     ) -> Result<PlanAnswer, ClientError> {
         let pending = self.submit_within(request, limit)?;
         self.wait_within(pending, limit)
@@ -249,7 +256,7 @@ impl Client {
     fn wait_within(
         &mut self,
         mut pending: Pending,
-        limit: &TimeLimit,
+        limit: &TimeLimit<'_>,
     ) -> Result<PlanAnswer, ClientError> {
         loop {
             let answer = self.next_within(&mut pending, limit)?;
@@ -262,7 +269,7 @@ impl Client {
     fn next_within(
         &mut self,
         pending: &mut Pending,
-        limit: &TimeLimit,
+        limit: &TimeLimit<'_>,
     ) -> Result<PlanAnswer, ClientError> {
         let (answered, cleaner) = (&self.answered, &mut self.cleaner);
         let due = pending.due;
@@ -296,7 +303,7 @@ impl Client {
     fn submit_within(
         &mut self,
         request: &PlanRequest,
-        limit: &TimeLimit,
+        limit: &TimeLimit<'_>,
     ) -> Result<Pending, ClientError> {
         let outgoing = Outgoing::try_from(request).map_err(ClientError::InvalidRequest)?;
         self.send_within(&outgoing, limit)
@@ -305,7 +312,7 @@ impl Client {
     fn send_within(
         &mut self,
         outgoing: &Outgoing,
-        limit: &TimeLimit,
+        limit: &TimeLimit<'_>,
     ) -> Result<Pending, ClientError> {
         let Outgoing {
             mut wire,
@@ -344,7 +351,7 @@ impl Client {
     }
 
     /// A port on a service with a living server.
-    fn wait_for_port(&mut self, limit: &TimeLimit) -> Result<&PlanPort, ClientError> {
+    fn wait_for_port(&mut self, limit: &TimeLimit<'_>) -> Result<&PlanPort, ClientError> {
         loop {
             if self.port.is_none() {
                 self.cleaner.clean_if_due(&self.node);
@@ -383,7 +390,7 @@ impl Client {
     }
 }
 
-fn no_daemon(limit: &TimeLimit) -> ClientError {
+fn no_daemon(limit: &TimeLimit<'_>) -> ClientError {
     ClientError::NoServer {
         server: DAEMON,
         waited: limit.duration(),

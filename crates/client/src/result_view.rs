@@ -88,15 +88,15 @@ impl ResultView {
     ///
     /// # Errors
     /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
-    pub fn wait_for(
+    pub fn wait_for<'program>(
         &mut self,
         trajectory_id: u32,
-        timeout: Duration,
+        timeout: impl Into<TimeLimit<'program>>,
     ) -> Result<Option<MotionResult>, ClientError> {
         let pause = |left: Duration| thread::sleep(LOOK_INTERVAL.min(left));
         let (results, recent) = (&self.results, &mut self.recent);
         wait(
-            &TimeLimit::new(timeout),
+            &timeout.into(),
             &mut self.cleaner,
             &self.node,
             pause,

@@ -17,6 +17,7 @@ use shared_types::message::{self, MovingBall, SceneMessage};
 use shared_types::valid::{Scene, SceneStatus, SourceName, stamp_refusal};
 
 use crate::ClientError;
+use crate::waiting::TimeLimit;
 
 /// Time between two polls for new daemons and their verdicts.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
@@ -147,17 +148,27 @@ impl ScenePublisher {
     ///
     /// # Errors
     /// [`ClientError::SceneRefused`] with its reason, or [`ClientError::NoServer`] if none has judged it in time.
-    pub fn confirm(&self, timeout: Duration) -> Result<(), ClientError> {
-        let verdicts = self.board.lock();
+    pub fn confirm<'program>(
+        &self,
+        timeout: impl Into<TimeLimit<'program>>,
+    ) -> Result<(), ClientError> {
+        let limit = timeout.into();
         let waits = |verdicts: &mut Verdicts| verdicts.judged != self.last_sequence;
-        let waited = self.board.news.wait_timeout_while(verdicts, timeout, waits);
-        let (mut verdicts, result) = waited.unwrap_or_else(PoisonError::into_inner);
-        if result.timed_out() {
-            return Err(ClientError::NoServer {
-                server: "planner-daemon that judges scenes",
-                waited: timeout,
-            });
-        }
+        let mut verdicts = loop {
+            let (verdicts, news) = (self.board.lock(), &self.board.news);
+            let waited = news.wait_timeout_while(verdicts, limit.remaining(), waits);
+            let (verdicts, result) = waited.unwrap_or_else(PoisonError::into_inner);
+            if !result.timed_out() {
+                break verdicts;
+            }
+            drop(verdicts);
+            if limit.is_over() {
+                return Err(ClientError::NoServer {
+                    server: "planner-daemon that judges scenes",
+                    waited: limit.duration(),
+                });
+            }
+        };
         verdicts.unreported = None;
         match &verdicts.last {
             Some(last) if last.refusal != SceneRefusal::None => Err(self.refused_by_daemon(last)),

@@ -103,13 +103,13 @@ impl ControllerView {
     /// # Errors
     /// [`ClientError::InvalidRequest`], [`ClientError::Ipc`] (no place left), [`ClientError::NoServer`],
     /// [`ClientError::ServerLost`], [`ClientError::TimedOut`], [`ClientError::BadMessage`] or [`ClientError::Transport`].
-    pub fn command(
+    pub fn command<'program>(
         &mut self,
         command: impl Into<SignedCommand>,
-        timeout: Duration,
+        timeout: impl Into<TimeLimit<'program>>,
     ) -> Result<CommandReply, ClientError> {
         self.last_command_id += 1;
-        let (id, limit) = (self.last_command_id, TimeLimit::new(timeout));
+        let (id, limit) = (self.last_command_id, timeout.into());
         let wire = command.into().to_wire(id);
         SignedCommand::try_from(&wire).map_err(ClientError::InvalidRequest)?;
         self.prepare_to_command()?;

@@ -1,5 +1,7 @@
 //! Waiting for another process: polling with a time limit, and the clean-up of dead nodes meanwhile.
 
+use std::cell::Cell;
+use std::fmt;
 use std::time::{Duration, Instant};
 
 use shared_types::ipc::IpcNode;
@@ -8,28 +10,75 @@ use shared_types::ipc::IpcNode;
 pub(crate) const POLL_INTERVAL: Duration = Duration::from_micros(50);
 /// Time between two clean-ups of dead processes.
 const CLEANUP_PERIOD: Duration = Duration::from_millis(100);
+/// Time between two questions whether a call is given up.
+const ASK_PERIOD: Duration = Duration::from_millis(50);
 
-/// A time limit.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct TimeLimit {
+/// How long a call may take: a duration, and, where the program asks for that, a question whether it is given up before.
+pub struct TimeLimit<'program> {
     begin: Instant,
     limit: Duration,
+    ask: Option<&'program dyn Fn() -> bool>,
+    asked: Cell<Instant>,
+    is_given_up: Cell<bool>,
 }
 
-impl TimeLimit {
-    pub(crate) fn new(limit: Duration) -> Self {
+impl From<Duration> for TimeLimit<'_> {
+    fn from(limit: Duration) -> Self {
+        Self::new(limit)
+    }
+}
+
+impl fmt::Debug for TimeLimit<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.limit.fmt(formatter)
+    }
+}
+
+impl<'program> TimeLimit<'program> {
+    /// So long from now on.
+    #[must_use]
+    pub fn new(limit: Duration) -> Self {
+        let begin = Instant::now();
         Self {
-            begin: Instant::now(),
+            begin,
             limit,
+            ask: None,
+            asked: Cell::new(begin),
+            is_given_up: Cell::new(false),
+        }
+    }
+
+    /// The same, but the call ends as if the time were over once `is_given_up` returns true; it is asked every 50 ms while the call waits.
+    #[must_use]
+    pub fn unless(self, is_given_up: &'program dyn Fn() -> bool) -> Self {
+        Self {
+            ask: Some(is_given_up),
+            ..self
         }
     }
 
     pub(crate) fn is_over(&self) -> bool {
-        self.begin.elapsed() >= self.limit
+        self.begin.elapsed() >= self.limit || self.is_given_up()
     }
 
-    fn remaining(&self) -> Duration {
-        self.limit.saturating_sub(self.begin.elapsed())
+    fn is_given_up(&self) -> bool {
+        if let Some(ask) = self.ask
+            && !self.is_given_up.get()
+            && self.asked.get().elapsed() >= ASK_PERIOD
+        {
+            self.is_given_up.set(ask());
+            self.asked.set(Instant::now());
+        }
+        self.is_given_up.get()
+    }
+
+    /// Time that is left until it is over, or is to be looked at again.
+    pub(crate) fn remaining(&self) -> Duration {
+        let left = self.limit.saturating_sub(self.begin.elapsed());
+        match self.ask {
+            Some(_) => left.min(ASK_PERIOD),
+            None => left,
+        }
     }
 
     /// The whole duration, for messages.
@@ -73,7 +122,7 @@ impl Cleaner {
 
 /// Calls `poll` until it returns a value or fails, or the limit is over (none). In between it calls `pause` with the time that is left.
 pub(crate) fn wait<T, E>(
-    limit: &TimeLimit,
+    limit: &TimeLimit<'_>,
     cleaner: &mut Cleaner,
     node: &IpcNode,
     mut pause: impl FnMut(Duration),
@@ -88,5 +137,26 @@ pub(crate) fn wait<T, E>(
         }
         cleaner.clean_if_due(node);
         pause(limit.remaining());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_call_that_is_given_up_is_over_and_stays_so() {
+        let asked = Cell::new(0);
+        let second_time = || {
+            asked.set(asked.get() + 1);
+            asked.get() == 2
+        };
+        let limit = TimeLimit::new(Duration::from_secs(60)).unless(&second_time);
+        assert!(!limit.is_over() && asked.get() == 0);
+        while !limit.is_over() {
+            std::thread::sleep(limit.remaining());
+        }
+        assert!(limit.is_over() && asked.get() == 2);
+        assert!(limit.begin.elapsed() >= 2 * ASK_PERIOD);
     }
 }

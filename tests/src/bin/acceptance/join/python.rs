@@ -5,9 +5,10 @@ use std::io::{BufRead, BufReader, Lines, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use client::Client;
 use shared_types::valid::{Goal, PlanRequest};
+use tests::process::Process;
 use tests::programs::repository;
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
@@ -33,6 +34,8 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
     report.group("Python: views and memory", command, |report| {
         views_and_memory(report, scale)
     });
+    let command = "tests/src/bin/acceptance/join/waits.py";
+    report.group("Python: threads and Ctrl-C", command, waits);
     report.group(
         "Python: notebook",
         "clients/python/examples/tour.ipynb",
@@ -164,6 +167,31 @@ fn views_and_memory(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         lasts.as_secs()
     );
     report.at_most(&line, grown_kb as f64, FLAT_KB as f64);
+    Ok(())
+}
+
+/// While a call waits for a daemon that is held, another Python thread counts, and Ctrl-C ends the call.
+fn waits(report: &mut Report) -> anyhow::Result<()> {
+    let mut stack = daemon()?;
+    let script = repository().join("tests/src/bin/acceptance/join/waits.py");
+    let mut arguments = vec![script.display().to_string()];
+    arguments.extend(TIP_M.map(|axis| axis.to_string()));
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    stack.process(Part::Daemon).signal(libc::SIGSTOP);
+    let mut waiting = Process::start_program(&stack.world, &python_client()?, &arguments);
+    let status = waiting.wait(PATIENCE)?;
+    let told = waiting.log();
+    ensure!(status.success(), "waits.py: {status}: {told}");
+    for line in told.lines() {
+        let [name, counted, ended_s] = line.split(' ').collect::<Vec<_>>()[..] else {
+            bail!("waits.py: {line}");
+        };
+        let figure = format!("Python: another thread's counts in a second's wait for {name}");
+        let counted: u32 = counted.parse()?;
+        report.check(&figure, counted.to_string(), ">= 200", counted >= 200);
+        let line = format!("Python: Ctrl-C 0.3 s after a wait for {name} began ends it, s");
+        report.at_most(&line, ended_s.parse()?, 0.5);
+    }
     Ok(())
 }
 
