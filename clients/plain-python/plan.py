@@ -7,6 +7,9 @@ import iceoryx2 as iox2
 
 from wire import Wire, every, reason
 
+if len(sys.argv) != 4:
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
 wire = Wire()
 plan, answered, asked = (wire.service(name) for name in ("plan", "plan_answered", "plan_asked"))
 results = wire.service("motion_result").subscriber_builder().create()
@@ -18,7 +21,7 @@ request = wire.new(
     start=wire.code("StartKind", "Robot"), execute=wire.code("Execute", "Selected"), requested_mono_ns=time.monotonic_ns(),
 )  # fmt: skip
 request.goals[0].kind = wire.code("GoalKind", "Tip")
-request.goals[0].tip_m[:] = [float(argument) for argument in sys.argv[1:4]]
+request.goals[0].tip_m[:] = [float(argument) for argument in sys.argv[1:]]
 pending = client.send_copy(request)
 if pending.number_of_server_connections == 0:
     sys.exit("no daemon serves")

@@ -8,8 +8,11 @@ from wire import Wire, every, reason
 SOURCE = b"plain-python"
 LIFETIME_NS = 200_000_000
 
+if len(sys.argv) != 9:
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
 wire = Wire()
-x, y, z, radius, *velocity, seconds = (float(argument) for argument in sys.argv[1:9])
+x, y, z, radius, *velocity, seconds = (float(argument) for argument in sys.argv[1:])
 verdicts = wire.service("scene_status").subscriber_builder().create()
 scenes = wire.service("scene").publisher_builder().create()
 

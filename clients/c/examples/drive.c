@@ -3,7 +3,8 @@
 #include <stdio.h>
 
 int main(int count, char **argument) {
-  PccDriver *driver = pcc_driver_connect(NULL, NULL, count > 1 ? argument[1] : NULL, NULL);
+  if (count != 2) return fprintf(stderr, "usage: drive ROBOT_FILE\n"), 2;
+  PccDriver *driver = pcc_driver_connect(NULL, NULL, argument[1], NULL);
   if (!driver) return fprintf(stderr, "%s\n", pcc_last_error()), 1;
   PccMotorTargets targets;
   while (pcc_driver_next(driver, &targets) == 0 && pcc_driver_report(driver, targets.position_m, PCC_MOTOR_FAULT_NONE) == 0)

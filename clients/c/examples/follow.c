@@ -3,7 +3,8 @@
 #include <stdio.h>
 
 int main(int count, char **argument) {
-  PccFollower *follower = pcc_follower_connect(NULL, NULL, count > 1 ? argument[1] : NULL, NULL);
+  if (count != 2) return fprintf(stderr, "usage: follow CONTROLLER_FILE\n"), 2;
+  PccFollower *follower = pcc_follower_connect(NULL, NULL, argument[1], NULL);
   if (!follower) return fprintf(stderr, "%s\n", pcc_last_error()), 1;
   PccFollowedCycle cycle;
   int32_t told;

@@ -1,7 +1,9 @@
 // Follows the planner's motions in the controller's place, with motors that are at once where they are to be: follow CONTROLLER_FILE.
+#include <iostream>
 #include <pcc/client.hpp>
 
-int main(int, char **argument) {
+int main(int count, char **argument) {
+  if (count != 2) return std::cerr << "usage: follow CONTROLLER_FILE\n", 2;
   pcc::Follower follower(argument[1]);
   while (std::optional<PccFollowedCycle> cycle = follower.next()) follower.report(cycle->targets.position_m);
 }

@@ -5,8 +5,9 @@
 #include <threads.h>
 
 int main(int count, char **argument) {
-  double number[8] = {0};
-  for (int i = 0; i < 8 && i + 1 < count; i++) number[i] = atof(argument[i + 1]);
+  if (count != 9) return fprintf(stderr, "usage: scene X Y Z RADIUS VX VY VZ SECONDS, metres and m/s\n"), 2;
+  double number[8];
+  for (int i = 0; i < 8; i++) number[i] = atof(argument[i + 1]);
   PccMovingBall ball = {{number[0], number[1], number[2]}, number[3], {number[4], number[5], number[6]}};
   PccScene *scene = pcc_scene_connect(NULL, NULL, "c-example");
   for (double elapsed_s = 0.0; elapsed_s < number[7]; elapsed_s += 0.03, thrd_sleep(&(struct timespec){.tv_nsec = 30000000}, NULL)) {

@@ -3,7 +3,8 @@
 #include <pcc/client.hpp>
 #include <thread>
 
-int main(int, char **argument) {
+int main(int count, char **argument) {
+  if (count != 9) return std::cerr << "usage: scene X Y Z RADIUS VX VY VZ SECONDS, metres and m/s\n", 2;
   double number[8];
   for (int i = 0; i < 8; i++) number[i] = std::stod(argument[i + 1]);
   PccMovingBall ball{{number[0], number[1], number[2]}, number[3], {number[4], number[5], number[6]}};

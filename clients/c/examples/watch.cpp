@@ -3,7 +3,8 @@
 #include <pcc/client.hpp>
 #include <thread>
 
-int main(int, char **argument) {
+int main(int count, char **argument) {
+  if (count != 2) return std::cerr << "usage: watch SECONDS\n", 2;
   pcc::ControllerView controller;
   for (int round = 0; round < 10 * std::stoi(argument[1]); round++) {
     if (auto state = controller.state())

@@ -4,6 +4,9 @@ import sys
 
 import pcc
 
+if len(sys.argv) != 2:
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
 driver = pcc.Driver(sys.argv[1])
 for targets in driver:
     driver.report(targets.position_m)

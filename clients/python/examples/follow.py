@@ -4,6 +4,9 @@ import sys
 
 import pcc
 
+if len(sys.argv) != 2:
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
 follower = pcc.Follower(sys.argv[1])
 for cycle in follower:
     follower.report(cycle.targets.position_m)

@@ -4,10 +4,14 @@ import sys
 
 import pcc
 
+if len(sys.argv) != 4:
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
 client, results = pcc.Client(), pcc.Results()
-answer = client.plan([float(axis) for axis in sys.argv[1:4]], execute=True)
+answer = client.plan([float(axis) for axis in sys.argv[1:]], execute=True)
 print(f"{answer.outcome}: {answer.reason}; hash {answer.plan_hash:016x}")
 for candidate in answer:
     print(f"  {candidate.duration_s:.3f} s to {candidate.knots[-1, 1:7].round(4)} rad")
-outcome, reason = results.wait(answer.trajectory_id)
-print(f"trajectory {answer.trajectory_id}: {outcome} {reason}")
+if answer.trajectory_id:
+    outcome, reason = results.wait(answer.trajectory_id)
+    print(f"trajectory {answer.trajectory_id}: {outcome} {reason}")

@@ -5,7 +5,10 @@ import time
 
 import pcc
 
-x, y, z, radius, vx, vy, vz, seconds = (float(argument) for argument in sys.argv[1:9])
+if len(sys.argv) != 9:
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
+x, y, z, radius, vx, vy, vz, seconds = (float(argument) for argument in sys.argv[1:])
 begin = time.monotonic()
 with pcc.Scene("python-example") as scene:
     while (elapsed := time.monotonic() - begin) < seconds:

@@ -5,6 +5,9 @@ import time
 
 import pcc
 
+if len(sys.argv) != 2:
+    print(__doc__, file=sys.stderr)
+    sys.exit(2)
 controller, end = pcc.Controller(), time.monotonic() + float(sys.argv[1])
 while time.monotonic() < end:
     if state := controller.state():

@@ -9,7 +9,10 @@ use shared_types::codes::MotorFault;
 use shared_types::ipc::IpcOptions;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let file = std::env::args().nth(1).ok_or("drive ROBOT_FILE")?;
+    let Some(file) = std::env::args().nth(1) else {
+        eprintln!("usage: drive ROBOT_FILE");
+        std::process::exit(2);
+    };
     let robot = Robot::from_file(&PathBuf::from(file))?;
     let settings = DriverSettings::of(&robot);
     let connection = RobotConnection::open(&IpcOptions::from_env(), &robot, &settings)?;

@@ -9,7 +9,10 @@ use shared_types::codes::MotorFault;
 use shared_types::ipc::IpcOptions;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let file = std::env::args().nth(1).ok_or("follow CONTROLLER_FILE")?;
+    let Some(file) = std::env::args().nth(1) else {
+        eprintln!("usage: follow CONTROLLER_FILE");
+        std::process::exit(2);
+    };
     let config = ControllerConfig::from_file(&PathBuf::from(file))?;
     let motors = TendonState::default();
     let mut follower = Follower::open(config, &IpcOptions::from_env(), &motors)?;

@@ -8,10 +8,14 @@ use shared_types::ipc::IpcOptions;
 use shared_types::valid::{Goal, PlanRequest};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let [x, y, z] = [1, 2, 3].map(|i| std::env::args().nth(i).unwrap_or_default());
+    let arguments = std::env::args().skip(1).flat_map(|it| it.parse());
+    let Ok(tip_m) = <[f64; 3]>::try_from(arguments.collect::<Vec<_>>()) else {
+        eprintln!("usage: plan X Y Z, metres in the base frame");
+        std::process::exit(2);
+    };
     let options = IpcOptions::from_env();
     let (mut client, mut results) = (Client::connect(&options)?, ResultView::connect(&options)?);
-    let mut request = PlanRequest::from_robot(Goal::tip([x.parse()?, y.parse()?, z.parse()?]));
+    let mut request = PlanRequest::from_robot(Goal::tip(tip_m));
     (request.candidate_count, request.execute) = (10, true);
     let answer = client.plan(&request, Duration::from_secs(5))?;
     println!("{}", answer.report());

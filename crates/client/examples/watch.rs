@@ -7,7 +7,10 @@ use client::ControllerView;
 use shared_types::ipc::IpcOptions;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let seconds: u32 = std::env::args().nth(1).unwrap_or_default().parse()?;
+    let Some(Ok(seconds)) = std::env::args().nth(1).map(|it| it.parse::<u32>()) else {
+        eprintln!("usage: watch SECONDS");
+        std::process::exit(2);
+    };
     let mut controller = ControllerView::watch(&IpcOptions::from_env())?;
     for _ in 0..10 * seconds {
         if let Some(state) = controller.latest_state()? {

@@ -48,6 +48,8 @@ pub(super) struct Examples {
     pub(super) of_all: &'static [&'static str],
     /// Lines of its own that each example may have.
     pub(super) most_lines: usize,
+    /// Those that do nothing without arguments.
+    pub(super) need_arguments: &'static [&'static str],
     /// What `watch` tells of a motion and of its end.
     pub(super) watched: [&'static str; 2],
     /// Builds what is missing of an example.
@@ -69,6 +71,9 @@ impl Examples {
         });
         report.group(&group("follow trajectories"), self.command, |report| {
             self.follow(report)
+        });
+        report.group(&group("no arguments"), self.command, |report| {
+            self.usage(report)
         });
         report.group(&group("lines of each example"), self.command, |report| {
             self.lines(report)
@@ -217,6 +222,21 @@ impl Examples {
         let state = stack.controller_state();
         process.kill9();
         Ok(state)
+    }
+
+    /// Without arguments each says in a line what it wants, and ends.
+    fn usage(&self, report: &mut Report) -> anyhow::Result<()> {
+        let world = World::new(&Settings::default());
+        for name in self.need_arguments {
+            let mut process = self.start(&world, name, &[])?;
+            let status = process.wait(LIMIT)?;
+            let told = process.log();
+            let is_usage = status.code() == Some(2) && told.lines().count() == 1;
+            let line = self.line(&format!("{name} without arguments"));
+            let figure = format!("{status}: {}", told.trim());
+            report.check(&line, figure, "exit status 2, a line of usage", is_usage);
+        }
+        Ok(())
     }
 
     fn lines(&self, report: &mut Report) -> anyhow::Result<()> {

@@ -14,6 +14,8 @@ use crate::paper_python::environment;
 
 /// Lines of its own that an example of a client may have.
 const LINES: usize = 15;
+/// The examples of each language.
+const NAMES: [&str; 5] = ["plan", "watch", "scene", "drive", "follow"];
 
 pub(super) fn rust() -> Examples {
     Examples {
@@ -23,6 +25,7 @@ pub(super) fn rust() -> Examples {
         ending: "rs",
         of_all: &["//", "use ", "}"],
         most_lines: LINES,
+        need_arguments: &NAMES,
         watched: ["executing", "holding"],
         program: |name| {
             run(Command::new("cargo")
@@ -49,6 +52,7 @@ pub(super) fn c() -> Examples {
         ending: "c",
         of_all: &["/*", "#include", "}"],
         most_lines: LINES,
+        need_arguments: &NAMES,
         watched: ["executing", "holding"],
         program: |name| compiled(name, "c", &["cc", "-std=c11"]),
     }
@@ -62,6 +66,7 @@ pub(super) fn cpp() -> Examples {
         ending: "cpp",
         of_all: &["//", "#include", "}"],
         most_lines: LINES,
+        need_arguments: &NAMES,
         watched: ["executing", "holding"],
         program: |name| compiled(name, "cpp", &["c++", "-std=c++20"]),
     }
@@ -75,6 +80,7 @@ pub(super) fn python() -> Examples {
         ending: "py",
         of_all: &["\"\"\"", "import ", "from ", "#"],
         most_lines: LINES,
+        need_arguments: &NAMES,
         watched: ["executing", "holding"],
         program: |name| {
             let script = repository().join(format!("clients/python/examples/{name}.py"));

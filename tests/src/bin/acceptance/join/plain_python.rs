@@ -33,6 +33,7 @@ fn examples() -> Examples {
         ending: "py",
         of_all: &[],
         most_lines: 60,
+        need_arguments: &["plan", "scene"],
         watched: ["executing", ": reached"],
         program: |name| {
             let script = repository().join(format!("clients/plain-python/{name}.py"));
