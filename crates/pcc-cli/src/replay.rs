@@ -1,5 +1,6 @@
 //! `pcc replay`: asks a daemon again what a record says it was asked, and checks recorded motions against a robot file.
 
+mod goals;
 mod motions;
 mod plans;
 mod recording;
@@ -30,6 +31,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     match &arguments.robot {
         Some(file) => motions::check(&recording, &Robot::from_file(file)?),
-        None => plans::ask_again(&recording, &IpcOptions::from_env()),
+        None => {
+            goals::report(&recording);
+            plans::ask_again(&recording, &IpcOptions::from_env())
+        }
     }
 }

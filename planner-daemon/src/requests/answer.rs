@@ -227,6 +227,13 @@ impl Answer {
         }
     }
 
+    /// Sets the hash of the knots of an answer that is written nowhere.
+    pub(super) fn set_hash(&mut self) {
+        let mut hash = KnotHash::new();
+        self.knots().for_each(|knot| hash.add(&knot));
+        self.report.plan_hash = hash.value();
+    }
+
     /// Writes the answer into shared memory and sends it.
     pub(crate) fn send(&mut self, request: &PlanActiveRequest) -> Result<(), AnswerError> {
         let clock = Instant::now();

@@ -2,13 +2,14 @@
 
 use iceoryx2::identifiers::UniqueClientId;
 use shared_types::ipc::PlanActiveRequest;
+use shared_types::message::PlanRequest;
 
 /// Who asks for a plan, and is answered.
 pub(super) enum Asker {
     /// A client, whose request is open until it was answered.
     Client(PlanActiveRequest),
-    /// The keeper of the goal that stays.
-    GoalKeeper,
+    /// The keeper of the goal that stays, and what it asks for.
+    GoalKeeper(Box<PlanRequest>),
 }
 
 /// By what one who asks is known in the queue.
@@ -22,7 +23,7 @@ impl Asker {
     pub(super) fn id(&self) -> AskerId {
         match self {
             Self::Client(active) => AskerId::Client(active.origin()),
-            Self::GoalKeeper => AskerId::GoalKeeper,
+            Self::GoalKeeper(_) => AskerId::GoalKeeper,
         }
     }
 
@@ -30,7 +31,7 @@ impl Asker {
     pub(super) fn is_waiting(&self) -> bool {
         match self {
             Self::Client(active) => is_open(active),
-            Self::GoalKeeper => true,
+            Self::GoalKeeper(_) => true,
         }
     }
 }

@@ -5,12 +5,13 @@ use std::time::Instant;
 
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::Outcome;
+use shared_types::message;
 use shared_types::valid::PlanRequest;
 
+use super::answer::Answer;
 use super::asker::{Asker, AskerId};
 use super::in_flight::Queued;
 use super::refusal::Refusal;
-use super::request_validator::PlanTask;
 use super::service::Service;
 
 impl Service {
@@ -38,7 +39,7 @@ impl Service {
     /// Breaks the plan in work to the goal off where that is elsewhere by now.
     fn give_up_overtaken_plan(&mut self, now_mono_ns: i64) {
         if let Some(in_flight) = &self.in_flight
-            && matches!(in_flight.queued.asker, Asker::GoalKeeper)
+            && matches!(in_flight.queued.asker, Asker::GoalKeeper(_))
             && in_flight.executed.is_none()
             && self.goal.keeper.overtakes(now_mono_ns)
         {
@@ -47,13 +48,23 @@ impl Service {
     }
 
     /// Puts a plan to the goal into the queue.
-    fn ask_for_goal(&mut self, request: PlanRequest) {
-        let task = match self.goal_task(request) {
+    fn ask_for_goal(&mut self, mut request: PlanRequest) {
+        // Where other plans came since then it begins anew.
+        request.previous = request.previous.filter(|named| self.plans.has(named));
+        let most = self.validator.capacity.candidates;
+        request.candidate_count = request.candidate_count.min(most);
+        let asker = match message::PlanRequest::try_from(&request) {
+            Ok(asked) => Asker::GoalKeeper(Box::new(asked)),
+            Err(invalid) => {
+                return self.goal.hear_answer(&Answer::refused(0, &invalid.into()));
+            }
+        };
+        let task = match self.validator.validate(&request, &self.plans) {
             Ok(task) => task,
-            Err(refusal) => return self.refuse(&Asker::GoalKeeper, 0, &refusal),
+            Err(refusal) => return self.refuse(&asker, 0, &refusal),
         };
         let queued = Queued {
-            asker: Asker::GoalKeeper,
+            asker,
             task,
             received: Instant::now(),
         };
@@ -61,14 +72,5 @@ impl Service {
             let refusal = Refusal::new(Outcome::Overloaded, "the queue is full");
             self.refuse(&queued.asker, 0, &refusal);
         }
-    }
-
-    fn goal_task(&self, mut request: PlanRequest) -> Result<PlanTask, Refusal> {
-        // Where other plans came since then it begins anew.
-        request.previous = request.previous.filter(|named| self.plans.has(named));
-        request.candidate_count = request
-            .candidate_count
-            .min(self.validator.capacity.candidates);
-        self.validator.validate(&request, &self.plans)
     }
 }

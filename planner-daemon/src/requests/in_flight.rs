@@ -41,7 +41,7 @@ impl Queued {
             has_several_goals: self.task.has_several_goals(),
             work: match (&self.asker, self.task.request.sampler) {
                 (_, Sampler::Default) if selects_early => Work::StraightSegments,
-                (Asker::GoalKeeper, _) => Work::WholePlanToKeptGoal,
+                (Asker::GoalKeeper(_), _) => Work::WholePlanToKeptGoal,
                 (Asker::Client(_), _) => Work::WholePlan,
             },
         }

@@ -28,7 +28,7 @@ impl PlanRecords {
         })
     }
 
-    /// Tells of a request that was answered; recorders that are slow miss it.
+    /// Tells of a request that was answered, of a client or for the goal that stays; recorders that are slow miss it.
     pub(super) fn publish(&self, request: &PlanRequest, answer: &Answer) {
         self.sequence.set(self.sequence.get() + 1);
         let sent = self.publisher.send_copy(PlanRecord {

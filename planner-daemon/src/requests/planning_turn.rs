@@ -264,7 +264,7 @@ impl Service {
         if asker.is_waiting() && is_deliverable(task, candidate, self.runner.robot()) {
             let published = self.execute(&mut in_flight, Some(candidate));
             self.note_foreign_motion(&in_flight, published.as_ref());
-            if let (Asker::GoalKeeper, Some(Ok(id))) = (&in_flight.queued.asker, &published) {
+            if let (Asker::GoalKeeper(_), Some(Ok(id))) = (&in_flight.queued.asker, &published) {
                 self.goal.keeper.hear_motion(PublishedMotion {
                     trajectory_id: *id,
                     duration_s: candidate.trajectory.duration(),
@@ -371,7 +371,7 @@ impl Service {
             leaves,
             draw: candidate.draw,
             plan_id: in_flight.plan_id,
-            is_replanned: matches!(in_flight.queued.asker, Asker::GoalKeeper),
+            is_replanned: matches!(in_flight.queued.asker, Asker::GoalKeeper(_)),
             timing: ExecutionTiming {
                 requested_mono_ns,
                 begin_mono_ns,
@@ -386,7 +386,7 @@ impl Service {
         leaves: Option<&Switch>,
         candidate: &Candidate,
     ) -> Result<(), ExecutionRefusal> {
-        if !matches!(in_flight.queued.asker, Asker::GoalKeeper) {
+        if !matches!(in_flight.queued.asker, Asker::GoalKeeper(_)) {
             return Ok(());
         }
         let duration_s = candidate.trajectory.duration();
@@ -415,7 +415,7 @@ fn begins_too_late(asker: &Asker, begin: &PlanBegin) -> Option<Refusal> {
         return None;
     };
     let delay_s = seconds((*not_before_mono_ns)? - mono_now_ns());
-    if !matches!(asker, Asker::GoalKeeper) || delay_s <= LONGEST_DELAY_TO_GOAL_S {
+    if !matches!(asker, Asker::GoalKeeper(_)) || delay_s <= LONGEST_DELAY_TO_GOAL_S {
         return None;
     }
     let reason =

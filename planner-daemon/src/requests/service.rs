@@ -273,7 +273,12 @@ impl Service {
         );
         match asker {
             Asker::Client(active) => self.send_to_client(answer, active),
-            Asker::GoalKeeper => self.goal.hear_answer(answer),
+            Asker::GoalKeeper(asked) => {
+                self.goal.hear_answer(answer);
+                answer.set_identity(self.identity);
+                answer.set_hash();
+                self.records.publish(asked, answer);
+            }
         }
     }
 

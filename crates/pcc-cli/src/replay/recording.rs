@@ -7,7 +7,8 @@ use anyhow::{Context, bail};
 use bytemuck::Pod;
 use mcap::read::{MessageStream, Options};
 use shared_types::message::{
-    Cycle, Payload, PlanRecord, RobotDescription, SceneMessage, TrajectoryMessage,
+    Cycle, GoalStatus, Payload, PlanRecord, RobotDescription, SceneMessage, StandingGoal,
+    TrajectoryMessage,
 };
 
 use crate::record::ENCODING;
@@ -20,6 +21,8 @@ pub(crate) struct Recording {
     pub(crate) trajectories: Vec<TrajectoryMessage>,
     pub(crate) cycles: Vec<Cycle>,
     pub(crate) scenes: Vec<SceneMessage>,
+    pub(crate) goals: Vec<StandingGoal>,
+    pub(crate) goal_statuses: Vec<GoalStatus>,
     /// Why the file ends before its end, if it does.
     pub(crate) cut_off: Option<String>,
 }
@@ -52,6 +55,8 @@ impl Recording {
                 ("robot_description", of) => recording.robots.push(read(&message.data, of)?),
                 ("trajectory", of) => recording.trajectories.push(read(&message.data, of)?),
                 ("scene", of) => recording.scenes.push(read(&message.data, of)?),
+                ("goal", of) => recording.goals.push(read(&message.data, of)?),
+                ("goal_status", of) => recording.goal_statuses.push(read(&message.data, of)?),
                 ("cycle", of) => recording.cycles.push(read(&message.data, of)?),
                 _ => {}
             }

@@ -8,8 +8,10 @@ use std::process::Command;
 use std::time::Duration;
 
 use anyhow::{Context, ensure};
+use client::GoalSender;
 use mcap::Writer;
 use mcap::read::MessageStream;
+use shared_types::codes::GoalState;
 use shared_types::valid::{Goal, PlanRequest};
 use tests::process::{Process, wait_for};
 use tests::programs::repository;
@@ -21,6 +23,8 @@ use crate::paper_python::environment;
 use crate::report::Report;
 use crate::scale::Scale;
 
+/// Where the robot is kept on its way to, m.
+const KEPT_TIP_M: [f64; 3] = [1.0, -0.6, 2.2];
 /// How long a program may take to record or to replay.
 const LIMIT: Duration = Duration::from_secs(600);
 /// Time in which a recorder has written what came before.
@@ -78,6 +82,7 @@ fn record(
     };
     let id = stack.try_motion(&moving)?;
     stack.wait_for_end(id)?;
+    keep_on_the_way(stack)?;
     std::thread::sleep(WRITTEN);
     let status = recorder.sigterm(PATIENCE)?;
     report.check(
@@ -89,16 +94,44 @@ fn record(
     Ok(())
 }
 
+/// Keeps the robot on its way to a goal until it is there, and gives it up.
+fn keep_on_the_way(stack: &Stack) -> anyhow::Result<()> {
+    let mut sender = GoalSender::connect(&stack.world.options)?;
+    sender.give(Goal::tip(KEPT_TIP_M), 1.0)?;
+    let reached = sender.wait_for(PATIENCE, |status| status.state == GoalState::Reached)?;
+    ensure!(reached.is_some(), "the kept goal: {:?}", sender.status()?);
+    sender.withdraw()?;
+    let ended = sender.wait_for(PATIENCE, |status| status.state == GoalState::Ended)?;
+    ensure!(
+        ended.is_some(),
+        "the withdrawn goal: {:?}",
+        sender.status()?
+    );
+    Ok(())
+}
+
 fn replayed(report: &mut Report, stack: &Stack, whole: &Path, all: usize) -> anyhow::Result<()> {
     let told = replay(stack, whole, &[])?;
     report.shown("records: replayed", told.text.replace('\n', "; "));
     let same = told.first_number();
-    // The motion's plan begins at the rest of the robot, which the record tells.
+    // The motion's plan and the first one to the goal that stays begin at the rest of the robot, which the record tells.
     report.check(
         "records: plans asked again that are the same, bit for bit",
         same.to_string(),
-        &format!(">= {all}"),
-        told.succeeded && same >= all,
+        &format!(">= {}", all + 2),
+        told.succeeded && same >= all + 2,
+    );
+    let goal = told
+        .text
+        .lines()
+        .find(|line| line.contains("goals that stay"));
+    let goal = goal.unwrap_or_default().to_owned();
+    let is_named = goal.starts_with("left out: 1 goals that stay, 0 times moved, 1 withdrawn");
+    report.check(
+        "records: the goal that stays, given and withdrawn",
+        goal,
+        "counted, and named as left out",
+        is_named && told.text.contains("became: reached"),
     );
     let robot_file = stack.world.config("robots/unit.toml").display().to_string();
     let told = replay(stack, whole, &["--robot", &robot_file])?;
