@@ -53,9 +53,10 @@ class Answer:
     def __iter__(self) -> Iterator[Candidate]: ...
 
 class Client:
-    """A connection to the planner daemon that outlives the daemon's restarts."""
+    """A connection to the planner daemon that outlives the daemon's restarts. With a robot file a daemon that plans for another robot refuses
+    what it asks for (outcome "wrong robot")."""
 
-    def __init__(self, prefix: str | None = None, root: str | None = None) -> None: ...
+    def __init__(self, prefix: str | None = None, root: str | None = None, robot_file: str | None = None) -> None: ...
     def plan(
         self,
         goal: Sequence[float],

@@ -159,6 +159,7 @@ const MALFORMED: &[Case] = &[
         Outcome::WrongVersion,
         PlanField::ProtocolVersion,
     ),
+    (|r| r.robot_hash = 1, Outcome::WrongRobot, PlanField::None),
     (
         |r| r.candidate_count = 0,
         Outcome::InvalidRequest,

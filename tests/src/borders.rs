@@ -114,6 +114,7 @@ const POSED: &[BadRequest] = &[
         outcome: Outcome::WrongVersion,
         field: PlanField::ProtocolVersion,
     },
+    posed("another robot", Outcome::WrongRobot, |r| r.robot_hash = 1),
     posed("start bent too far", Outcome::StartOutOfLimits, |r| {
         r.start_configuration_rad[0] = 1.7;
     }),

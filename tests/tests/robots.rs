@@ -4,7 +4,7 @@
 use std::fs;
 
 use shared_types::codes::{LoopState, Outcome, Waiting};
-use shared_types::valid::{Goal, PlanRequest};
+use shared_types::valid::{Goal, PlanRequest, PlannedExecution};
 use tests::process::wait_for;
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
@@ -45,6 +45,28 @@ fn a_controller_does_not_take_hold_of_another_robot() {
         (state.waiting == Waiting::OtherRobot && reason.contains("another robot")).then_some(())
     })
     .unwrap();
+}
+
+#[test]
+fn a_daemon_refuses_a_client_that_is_set_up_for_another_robot() {
+    let mut stack = stack(&[]);
+    let own = stack.world.robot.hash();
+    let request = PlanRequest::new([0.0; 6], Goal::tip([1.0, 0.0, 2.4]));
+    for (stated, outcome) in [(own, Outcome::Ok), (own ^ 1, Outcome::WrongRobot)] {
+        stack.client.state_robot(stated);
+        let answer = stack.client.plan(&request, PATIENCE).unwrap();
+        let report = answer.report();
+        assert_eq!(
+            (report.outcome, report.robot_hash),
+            (outcome, own),
+            "{report}"
+        );
+        let is_named = [own, own ^ 1].map(|hash| report.reason.contains(&format!("{hash:016x}")));
+        assert_eq!(is_named, [outcome == Outcome::WrongRobot; 2], "{report}");
+    }
+    let execution = PlannedExecution::now(1, None);
+    let refused = stack.client.execute_planned(&execution, PATIENCE).unwrap();
+    assert_eq!(refused.report().outcome, Outcome::WrongRobot);
 }
 
 #[test]

@@ -1,15 +1,13 @@
 //! Driving a robot's motors.
 
 use std::ffi::c_char;
-use std::path::Path;
 
 use client::ClientError;
-use pcc_model::Robot;
 use robot_driver::{DriverSettings, RobotConnection, RobotDriver, TENDONS, TendonState};
 use shared_types::codes::{MotorFault, UnknownCode};
 
 use crate::error::{Failure, Outcome, or_fail};
-use crate::pointer::{array, free, give, options, text, write};
+use crate::pointer::{array, free, give, options, robot, write};
 
 /// The driver of a robot's motors; it has the robot's place.
 pub struct Driver(RobotDriver);
@@ -51,8 +49,7 @@ pub extern "C" fn pcc_driver_connect(
     position_m: *const f64,
 ) -> *mut Driver {
     let connect = || {
-        let file = Path::new(text(robot_file, "robot_file")?);
-        let robot = Robot::from_file(file).map_err(|it| Failure::argument(it.to_string()))?;
+        let robot = robot(robot_file)?;
         let state = motors(position_m)?;
         let settings = DriverSettings::of(&robot);
         let connection = RobotConnection::open(&options(prefix, root)?, &robot, &settings);

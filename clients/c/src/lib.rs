@@ -36,7 +36,7 @@ pub use goal::{
 };
 pub use plan::{
     Answer, Client, pcc_answer_free, pcc_answer_knots, pcc_answer_report, pcc_client_connect,
-    pcc_client_free, pcc_execute, pcc_plan, pcc_plan_request,
+    pcc_client_free, pcc_client_state_robot, pcc_execute, pcc_plan, pcc_plan_request,
 };
 pub use results::{Results, pcc_results_connect, pcc_results_free, pcc_results_wait};
 pub use scene::{

@@ -10,7 +10,7 @@ use shared_types::message::{Knot, NONE_SELECTED, PlanReport, PlanRequest};
 use shared_types::valid::{self, PlannedExecution};
 
 use crate::error::{Failure, Outcome, or_fail};
-use crate::pointer::{free, give, options, read, time_limit, write};
+use crate::pointer::{free, give, options, read, robot, time_limit, write};
 
 /// A connection to the planner daemon that outlives the daemon's restarts.
 pub struct Client(client::Client);
@@ -34,6 +34,18 @@ pub extern "C" fn pcc_client_connect(prefix: *const c_char, root: *const c_char)
 #[unsafe(no_mangle)]
 pub extern "C" fn pcc_client_free(client: *mut Client) {
     free(client);
+}
+
+/// States the robot file that this program is set up for: a daemon that plans for another robot refuses what the client asks for from now on
+/// (outcome wrong robot). 0, or -1 where the file is none.
+#[unsafe(no_mangle)]
+pub extern "C" fn pcc_client_state_robot(client: *mut Client, robot_file: *const c_char) -> i32 {
+    let state = || {
+        let Client(client) = write(client, "client")?;
+        client.state_robot(robot(robot_file)?.hash());
+        Ok(0)
+    };
+    or_fail(state(), -1)
 }
 
 /// A request for ten candidates from where the robot is, asked for now, with the daemon's defaults; its goals are to be written. It is not

@@ -5,8 +5,10 @@
 //! length told beside them; room for one message.
 
 use std::ffi::{CStr, c_char};
+use std::path::Path;
 use std::time::Duration;
 
+use pcc_model::Robot;
 use shared_types::ipc::IpcOptions;
 
 use crate::error::{Failure, Outcome};
@@ -49,6 +51,12 @@ pub(crate) fn optional_text<'a>(pointer: *const c_char, name: &str) -> Outcome<O
         return Ok(None);
     }
     text(pointer, name).map(Some)
+}
+
+/// The robot of a robot file.
+pub(crate) fn robot(robot_file: *const c_char) -> Outcome<Robot> {
+    let file = Path::new(text(robot_file, "robot_file")?);
+    Robot::from_file(file).map_err(|it| Failure::argument(it.to_string()))
 }
 
 /// Where the services live; a null pointer stands for what the environment says, or the default.

@@ -1,11 +1,13 @@
 //! Plans.
 
+use std::path::PathBuf;
+
 use pyo3::prelude::*;
 use shared_types::valid::{PlanRequest, PlannedExecution};
 
 use crate::answer::Answer;
 use crate::error::{raised, time_limit};
-use crate::request::{balls, goal, options};
+use crate::request::{balls, goal, options, robot};
 use crate::waiting::wait;
 
 /// A connection to the planner daemon that outlives the daemon's restarts.
@@ -15,10 +17,18 @@ pub(crate) struct Client(::client::Client);
 #[pymethods]
 impl Client {
     #[new]
-    #[pyo3(signature = (prefix=None, root=None))]
-    fn new(prefix: Option<String>, root: Option<String>) -> PyResult<Self> {
+    #[pyo3(signature = (prefix=None, root=None, robot_file=None))]
+    fn new(
+        prefix: Option<String>,
+        root: Option<String>,
+        robot_file: Option<PathBuf>,
+    ) -> PyResult<Self> {
         let client = ::client::Client::connect(&options(prefix, root));
-        client.map(Self).map_err(raised)
+        let mut client = client.map_err(raised)?;
+        if let Some(file) = robot_file {
+            client.state_robot(robot(&file)?.hash());
+        }
+        Ok(Self(client))
     }
 
     /// Plans to a goal (3 numbers: a tip, metres; 6: a configuration, radians), by way of others, among balls (x, y, z, radius), from

@@ -1,8 +1,6 @@
 //! Driving a robot's motors.
 
 use ::client::ClientError;
-use pcc_model::Robot;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use robot_driver::{
     DriverSettings, MotorTargets, RobotConnection, RobotDriver, TENDONS, TendonState, TendonVector,
@@ -11,7 +9,7 @@ use shared_types::codes::MotorFault;
 use std::path::PathBuf;
 
 use crate::error::raised;
-use crate::request::options;
+use crate::request::{options, robot};
 use crate::waiting::detached;
 
 /// Drives the motors of a robot, in cycles of 1 ms; it has the robot's place. As an iterator it gives what the motors are to do in each cycle.
@@ -28,8 +26,7 @@ impl Driver {
         prefix: Option<String>,
         root: Option<String>,
     ) -> PyResult<Self> {
-        let robot = Robot::from_file(&robot_file);
-        let robot = robot.map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let robot = robot(&robot_file)?;
         let settings = DriverSettings::of(&robot);
         let connection = RobotConnection::open(&options(prefix, root), &robot, &settings);
         let state = TendonState {

@@ -1,5 +1,8 @@
 //! Goals, obstacles and places from Python's own types.
 
+use std::path::Path;
+
+use pcc_model::Robot;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use shared_types::ipc::IpcOptions;
@@ -37,6 +40,11 @@ pub(crate) fn moving_balls(numbers: &[[f64; 7]]) -> Vec<MovingBall> {
         velocity_m_s: [vx, vy, vz],
     };
     numbers.iter().map(ball).collect()
+}
+
+/// The robot of a robot file.
+pub(crate) fn robot(file: &Path) -> PyResult<Robot> {
+    Robot::from_file(file).map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
 /// Where the services live: what is not given is `PCC_PREFIX` and `PCC_ROOT` of the environment, or the defaults.

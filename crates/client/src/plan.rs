@@ -36,6 +36,8 @@ pub struct Client {
     /// Who had the daemon's role at the last look.
     daemon: Option<RoleHolder>,
     last_request_id: u64,
+    /// The robot that this program is set up for; 0: it does not say.
+    robot_hash: u64,
     node: IpcNode,
 }
 
@@ -125,8 +127,15 @@ impl Client {
             cleaner: Cleaner::new(),
             daemon: None,
             last_request_id: 0,
+            robot_hash: 0,
             node,
         })
+    }
+
+    /// States, in every request from now on that does not say itself, which robot this program is set up for: the hash of its robot file, as in
+    /// [`message::RobotDescription::robot_hash`]. A daemon that plans for another robot refuses it (outcome wrong robot). 0: it does not say.
+    pub fn state_robot(&mut self, robot_hash: u64) {
+        self.robot_hash = robot_hash;
     }
 
     /// Cleans up after dead daemons, which takes a millisecond, unless the one that was known lives still.
@@ -322,6 +331,9 @@ impl Client {
         if wire.request_id == 0 {
             self.last_request_id += 1;
             wire.request_id = self.last_request_id;
+        }
+        if wire.robot_hash == 0 {
+            wire.robot_hash = self.robot_hash;
         }
         loop {
             // Such a request is not sent twice: its server should live.

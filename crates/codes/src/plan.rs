@@ -123,6 +123,8 @@ codes! {
         StartCannotStop = 14 "start cannot stop",
         /// The motion is to begin where the robot is, and the controller is not there, stops, or is in fault.
         RobotNotReady = 15 "robot not ready",
+        /// The request is for another robot than the daemon plans for: the text has both hashes.
+        WrongRobot = 16 "wrong robot",
     }
 }
 

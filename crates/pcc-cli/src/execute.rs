@@ -61,6 +61,7 @@ impl Arguments {
             },
             begin_mono_ns: None,
             requested_mono_ns: begun_ns,
+            robot_hash: None,
         }
     }
 }

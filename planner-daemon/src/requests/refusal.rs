@@ -30,6 +30,17 @@ impl Refusal {
     }
 }
 
+/// Refuses a request for another robot than this daemon's.
+pub(super) fn check_robot(stated: u64, own: u64) -> Result<(), Refusal> {
+    if [0, own].contains(&stated) {
+        return Ok(());
+    }
+    let reason = format!(
+        "the request is for robot {stated:016x}, this daemon plans for robot {own:016x}: their robot files differ"
+    );
+    Err(Refusal::new(Outcome::WrongRobot, reason))
+}
+
 impl From<valid::Invalid> for Refusal {
     fn from(invalid: valid::Invalid) -> Self {
         Self {

@@ -24,7 +24,7 @@ use super::lead_times::LeadTimes;
 use super::plan_records::PlanRecords;
 use super::plan_runner::PlanRunner;
 use super::recent_plans::RecentPlans;
-use super::refusal::Refusal;
+use super::refusal::{Refusal, check_robot};
 use super::request_validator::{PlanTask, RequestValidator};
 use super::wait_mode::WaitMode;
 use crate::execution::{Execution, RobotMotion};
@@ -171,10 +171,10 @@ impl Service {
     fn accept(&mut self, active: PlanActiveRequest) {
         let received = Instant::now();
         let copy = *active.payload();
-        match Asked::try_from(&copy) {
-            Err(invalid) => {
-                self.refuse(&Asker::Client(active), copy.request_id, &invalid.into());
-            }
+        let asked = Asked::try_from(&copy).map_err(Refusal::from);
+        let robot_hash = self.identity.robot_hash;
+        match asked.and_then(|it| check_robot(copy.robot_hash, robot_hash).map(|()| it)) {
+            Err(refusal) => self.refuse(&Asker::Client(active), copy.request_id, &refusal),
             Ok(Asked::Execution(execution)) => self.execute_planned(&active, &execution),
             Ok(Asked::Plan(asked)) => match self.validator.validate(&asked, &self.plans) {
                 Err(refusal) => self.refuse(&Asker::Client(active), copy.request_id, &refusal),

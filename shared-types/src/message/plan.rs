@@ -11,7 +11,7 @@ pub const NONE_SELECTED: u32 = u32::MAX;
 
 wire_message! {
     /// An obstacle at rest.
-    pub struct Ball: "pcc.v5.Ball", 32 bytes {
+    pub struct Ball: "pcc.v6.Ball", 32 bytes {
         /// Centre in the base frame, metres.
         pub centre_m: [f64; 3],
         /// Radius, metres, not negative.
@@ -21,7 +21,7 @@ wire_message! {
 
 wire_message! {
     /// A goal of a plan request.
-    pub struct Goal: "pcc.v5.Goal", 88 bytes {
+    pub struct Goal: "pcc.v6.Goal", 88 bytes {
         /// [`crate::codes::GoalKind`], as wide as the numbers that follow.
         pub kind: u64,
         /// The tip to reach in the base frame, metres, if the goal is a tip.
@@ -35,7 +35,7 @@ wire_message! {
 
 wire_message! {
     /// A plan request (service `plan`).
-    pub struct PlanRequest: "pcc.v5.PlanRequest", 3000 bytes {
+    pub struct PlanRequest: "pcc.v6.PlanRequest", 3008 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Candidates wanted, 1..=64; the daemon's own limit may be lower.
@@ -54,7 +54,7 @@ wire_message! {
         pub selected_index: u32,
         /// [`crate::codes::Execute`]: what is published for execution. A candidate of an earlier plan is named by `previous_plan_id` and
         /// `previous_candidate`; nothing is planned then, goals, balls and early candidates are 0, and of the other fields only the
-        /// version, the request's number and `requested_mono_ns` and `begin_mono_ns` are read.
+        /// version, the request's number, `robot_hash`, `requested_mono_ns` and `begin_mono_ns` are read.
         pub execute: u32,
         /// Goals in use, 1..=8; 0 where an earlier plan is executed.
         pub goal_count: u32,
@@ -88,6 +88,9 @@ wire_message! {
         /// When the request's sender was asked for it, nanoseconds of `CLOCK_MONOTONIC`; only a request to execute needs one. The motion is
         /// not executed where a stop or a reset was ordered, or the controller was started, after it.
         pub requested_mono_ns: i64,
+        /// [`super::RobotDescription::robot_hash`] of the robot file that the sender is set up for: a daemon that plans for another robot
+        /// refuses the request (outcome wrong robot); 0: it does not say.
+        pub robot_hash: u64,
         /// The first `goal_count` are the goals, in their order: the motion passes them, and ends in the last one; the others are not read.
         pub goals: [Goal; MAX_GOALS],
         /// The first `ball_count` are obstacles; the others are not read.
@@ -97,7 +100,7 @@ wire_message! {
 
 wire_message! {
     /// One certified candidate of a plan.
-    pub struct CandidateSummary: "pcc.v5.CandidateSummary", 56 bytes {
+    pub struct CandidateSummary: "pcc.v6.CandidateSummary", 56 bytes {
         /// Index in the answer's slice at which the candidate's knots begin.
         pub first_knot: u32,
         /// Number of the candidate's knots.
@@ -121,7 +124,7 @@ wire_message! {
 
 wire_message! {
     /// The answer's user header: what happened, how long it took, and where each candidate's knots are.
-    pub struct PlanReport: "pcc.v5.PlanReport", 3896 bytes {
+    pub struct PlanReport: "pcc.v6.PlanReport", 3896 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the daemon.
         pub protocol_version: u32,
         /// [`crate::codes::Outcome`].

@@ -9,7 +9,7 @@ use super::wire::wire_message;
 wire_message! {
     /// A goal that the daemon keeps the robot on its way to (service `goal`; the newest one counts, whoever sent it). Where it moves it is sent
     /// again with another stamp; a stop or a reset after it was given ends it, however often it is sent again.
-    pub struct StandingGoal: "pcc.v5.StandingGoal", 144 bytes {
+    pub struct StandingGoal: "pcc.v6.StandingGoal", 144 bytes {
         /// When the goal was first given, nanoseconds of `CLOCK_MONOTONIC`: it is known by this, and no motion to it begins after a stop or
         /// a reset that was ordered later.
         pub given_mono_ns: i64,
@@ -31,7 +31,7 @@ wire_message! {
 wire_message! {
     /// What becomes of the goal that stays (service `goal_status`, publisher: the daemon): at each change, and every 100 ms while there
     /// is a goal.
-    pub struct GoalStatus: "pcc.v5.GoalStatus", 224 bytes {
+    pub struct GoalStatus: "pcc.v6.GoalStatus", 224 bytes {
         /// When this was so, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// [`StandingGoal::given_mono_ns`]; 0: there was none yet.

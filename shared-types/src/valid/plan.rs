@@ -75,6 +75,9 @@ pub struct PlanRequest {
     /// When it was asked for, nanoseconds of `CLOCK_MONOTONIC`: what is asked for before a stop is not executed; none: when it is
     /// written for the wire, if it is to be executed.
     pub requested_mono_ns: Option<i64>,
+    /// [`message::RobotDescription::robot_hash`] of the robot file that the sender is set up for: a daemon that plans for another robot refuses
+    /// the request; none: it does not say.
+    pub robot_hash: Option<u64>,
     /// Obstacles, at most 64.
     pub balls: Vec<Ball>,
     /// Certified candidates that are answered before the whole answer, at most `candidate_count`; none: no early answer.
@@ -114,6 +117,7 @@ impl PlanRequest {
             limits_scale: 1.0,
             begin_mono_ns: None,
             requested_mono_ns: None,
+            robot_hash: None,
             balls: Vec::new(),
             early_candidate_count: None,
             previous: None,
@@ -157,6 +161,7 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
             limits_scale: check_limits_scale(wire.limits_scale)?,
             begin_mono_ns: check_optional_stamp("begin_mono_ns", wire.begin_mono_ns)?,
             requested_mono_ns: check_optional_stamp("requested_mono_ns", wire.requested_mono_ns)?,
+            robot_hash: named_robot(wire),
             balls: balls(wire)?,
             early_candidate_count: early(wire.early_candidate_count, candidate_count)?,
             previous: previous(wire, sampler)?,
@@ -267,6 +272,11 @@ fn previous(
     named_plan(wire)
 }
 
+/// The robot that a request is for, if it says.
+pub(super) fn named_robot(wire: &message::PlanRequest) -> Option<u64> {
+    (wire.robot_hash != 0).then_some(wire.robot_hash)
+}
+
 /// The earlier plan that a request names, if it does.
 pub(super) fn named_plan(wire: &message::PlanRequest) -> Result<Option<PreviousPlan>, Invalid> {
     if wire.previous_plan_id == 0 {
@@ -320,6 +330,7 @@ impl TryFrom<&PlanRequest> for message::PlanRequest {
             limits_scale: request.limits_scale,
             begin_mono_ns: request.begin_mono_ns.unwrap_or(0),
             requested_mono_ns: requested_mono_ns(request),
+            robot_hash: request.robot_hash.unwrap_or(0),
             ..Self::ZEROED
         };
         match request.selection {

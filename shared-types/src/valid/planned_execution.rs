@@ -2,7 +2,7 @@
 
 use super::check::{check_code, check_count, check_optional_stamp, check_version};
 use super::invalid::{Invalid, Reason, invalid};
-use super::plan::{PlanRequest, PreviousPlan, check_requested, named_plan};
+use super::plan::{PlanRequest, PreviousPlan, check_requested, named_plan, named_robot};
 use crate::PROTOCOL_VERSION;
 use crate::clock::mono_now_ns;
 use crate::codes::Execute;
@@ -42,6 +42,8 @@ pub struct PlannedExecution {
     pub begin_mono_ns: Option<i64>,
     /// When it was asked for, nanoseconds of `CLOCK_MONOTONIC`, never 0: what is asked for before a stop is not executed.
     pub requested_mono_ns: i64,
+    /// [`message::RobotDescription::robot_hash`] of the robot file that the sender is set up for; none: it does not say.
+    pub robot_hash: Option<u64>,
 }
 
 impl PlannedExecution {
@@ -53,6 +55,7 @@ impl PlannedExecution {
             plan: PreviousPlan { plan_id, candidate },
             begin_mono_ns: None,
             requested_mono_ns: mono_now_ns(),
+            robot_hash: None,
         }
     }
 }
@@ -84,6 +87,7 @@ impl TryFrom<&message::PlanRequest> for PlannedExecution {
             plan: plan.ok_or(invalid("previous_plan_id", none_named))?,
             begin_mono_ns: check_optional_stamp("begin_mono_ns", wire.begin_mono_ns)?,
             requested_mono_ns: check_requested(wire)?,
+            robot_hash: named_robot(wire),
         })
     }
 }
@@ -102,6 +106,7 @@ impl TryFrom<&PlannedExecution> for message::PlanRequest {
             previous_candidate: candidate.map_or(NONE_SELECTED, wire_index),
             begin_mono_ns: execution.begin_mono_ns.unwrap_or(0),
             requested_mono_ns: execution.requested_mono_ns,
+            robot_hash: execution.robot_hash.unwrap_or(0),
             ..Self::ZEROED
         };
         PlannedExecution::try_from(&wire)?;
@@ -129,6 +134,7 @@ mod tests {
             let execution = PlannedExecution {
                 request_id: 3,
                 begin_mono_ns: candidate.map(|_| 9),
+                robot_hash: candidate.map(|_| u64::MAX),
                 ..PlannedExecution::now(7, candidate)
             };
             let mut wire = message::PlanRequest::try_from(&execution).unwrap();
@@ -145,7 +151,7 @@ mod tests {
             (
                 |r| r.protocol_version = 3,
                 PlanField::ProtocolVersion,
-                "speaks 5",
+                "speaks 6",
             ),
             (
                 |r| r.execute = 3,

@@ -26,10 +26,10 @@ const LOOK: Duration = Duration::from_millis(1);
 /// Nodes of every service, as `shared-types/wire.json` has it for what follows.
 const NODES: usize = 80;
 
-/// `pcc.v5.Heartbeat`.
+/// `pcc.v6.Heartbeat`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
-#[type_name("pcc.v5.Heartbeat")]
+#[type_name("pcc.v6.Heartbeat")]
 struct Heartbeat {
     stamp_mono_ns: i64,
     instance: u64,
@@ -38,10 +38,10 @@ struct Heartbeat {
     pid: u32,
 }
 
-/// `pcc.v5.Command`.
+/// `pcc.v6.Command`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
-#[type_name("pcc.v5.Command")]
+#[type_name("pcc.v6.Command")]
 struct Command {
     protocol_version: u32,
     kind: u32,
@@ -52,19 +52,19 @@ struct Command {
     reason: ReasonText,
 }
 
-/// `pcc.v5.ReasonText`.
+/// `pcc.v6.ReasonText`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
-#[type_name("pcc.v5.ReasonText")]
+#[type_name("pcc.v6.ReasonText")]
 struct ReasonText {
     length: u32,
     utf8: [u8; 164],
 }
 
-/// `pcc.v5.CommandReply`.
+/// `pcc.v6.CommandReply`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
-#[type_name("pcc.v5.CommandReply")]
+#[type_name("pcc.v6.CommandReply")]
 struct CommandReply {
     command_id: u64,
     protocol_version: u32,

@@ -97,6 +97,8 @@ class Answer {
 class Client {
  public:
   explicit Client(Place place = {}) : client_(detail::not_null(pcc_client_connect(place.prefix, place.root))) {}
+  /// States the robot file that this program is set up for: a daemon that plans for another robot refuses what is asked from now on.
+  void state_robot(const char *robot_file) { detail::is_one(pcc_client_state_robot(client_.get(), robot_file)); }
   Answer plan(const PccPlanRequest &request, double timeout_s) { return Answer(pcc_plan(client_.get(), &request, timeout_s)); }
   Answer execute(uint64_t plan_id, uint32_t candidate, double timeout_s) {
     return Answer(pcc_execute(client_.get(), plan_id, candidate, timeout_s));

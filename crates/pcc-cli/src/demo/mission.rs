@@ -66,6 +66,7 @@ impl<'a> Mission<'a> {
             .equal_section_length()
             .context("the three sections must be equally long")?;
         let mut client = Client::connect(options)?;
+        client.state_robot(robot.hash());
         client.wait_for_daemon(Duration::from_secs(20))?;
         let mut mission = Self {
             session: Session {

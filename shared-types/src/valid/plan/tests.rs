@@ -29,7 +29,7 @@ const BAD: &[(Change, PlanField, &str)] = &[
     (
         |r| r.protocol_version = 1,
         PlanField::ProtocolVersion,
-        "speaks 5",
+        "speaks 6",
     ),
     (
         |r| r.candidate_count = 0,
@@ -278,6 +278,7 @@ fn a_request_survives_the_wire() {
         goal: Goal::Configuration([0.3; DOF]),
         limits_scale: 0.5,
         begin_mono_ns: Some(9),
+        robot_hash: Some(u64::MAX),
         balls: Vec::new(),
         ..tip.clone()
     };

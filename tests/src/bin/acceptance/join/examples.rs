@@ -54,6 +54,8 @@ pub(super) struct Examples {
     pub(super) watched: [&'static str; 2],
     /// Builds what is missing of an example.
     pub(super) program: fn(&str) -> anyhow::Result<Program>,
+    /// Builds the program `other_robot` beside this file; none where the language has no robot files.
+    pub(super) other_robot: Option<fn() -> anyhow::Result<Program>>,
 }
 
 impl Examples {
@@ -72,6 +74,11 @@ impl Examples {
         report.group(&group("follow trajectories"), self.command, |report| {
             self.follow(report)
         });
+        if let Some(program) = self.other_robot {
+            report.group(&group("another robot"), self.command, |report| {
+                self.other_robot(report, &program()?)
+            });
+        }
         report.group(&group("no arguments"), self.command, |report| {
             self.usage(report)
         });
@@ -222,6 +229,33 @@ impl Examples {
         let state = stack.controller_state();
         process.kill9();
         Ok(state)
+    }
+
+    /// A client that states its robot file is refused by a daemon of another one alone.
+    fn other_robot(&self, report: &mut Report, program: &Program) -> anyhow::Result<()> {
+        let mut stack = Stack::new(&Settings::default());
+        let own = stack.world.config("robots/unit.toml");
+        let robot = std::fs::read_to_string(&own)?;
+        let other = own.with_file_name("other.toml");
+        std::fs::write(&other, robot.replace("name = \"", "name = \"another "))?;
+        stack.start(Part::Daemon);
+        stack.client.wait_for_daemon(PATIENCE)?;
+        for (file, what, expected) in [
+            (&own, "of the daemon's robot file", "ok"),
+            (&other, "of another robot file", "wrong robot"),
+        ] {
+            let before = program.arguments.iter().cloned();
+            let all: Vec<String> = before.chain([file.display().to_string()]).collect();
+            let all: Vec<&str> = all.iter().map(String::as_str).collect();
+            let mut asking = Process::start_program(&stack.world, &program.path, &all);
+            let status = asking.wait(LIMIT)?;
+            ensure!(status.success(), "other_robot: {status}: {}", asking.log());
+            let told = asking.log().trim().to_owned();
+            let line = self.line(&format!("outcome for a client {what}"));
+            let passed = told.starts_with(expected);
+            report.check(&line, told, expected, passed);
+        }
+        Ok(())
     }
 
     /// Without arguments each says in a line what it wants, and ends.

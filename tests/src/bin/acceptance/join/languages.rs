@@ -14,6 +14,9 @@ use crate::paper_python::environment;
 
 /// Lines of its own that an example of a client may have.
 const LINES: usize = 15;
+/// Compilers and their standards.
+const C: [&str; 2] = ["cc", "-std=c11"];
+const CPP: [&str; 2] = ["c++", "-std=c++20"];
 /// The examples of each language.
 const NAMES: [&str; 5] = ["plan", "watch", "scene", "drive", "follow"];
 
@@ -41,6 +44,8 @@ pub(super) fn rust() -> Examples {
                 .arg(name))?;
             Ok(built(release()?.join("examples").join(name)))
         },
+        // tests/tests/robots.rs
+        other_robot: None,
     }
 }
 
@@ -54,7 +59,8 @@ pub(super) fn c() -> Examples {
         most_lines: LINES,
         need_arguments: &NAMES,
         watched: ["executing", "holding"],
-        program: |name| compiled(name, "c", &["cc", "-std=c11"]),
+        program: |name| compiled(&c_example(name, "c"), &C),
+        other_robot: None,
     }
 }
 
@@ -68,7 +74,11 @@ pub(super) fn cpp() -> Examples {
         most_lines: LINES,
         need_arguments: &NAMES,
         watched: ["executing", "holding"],
-        program: |name| compiled(name, "cpp", &["c++", "-std=c++20"]),
+        program: |name| compiled(&c_example(name, "cpp"), &CPP),
+        other_robot: Some(|| {
+            let source = "tests/src/bin/acceptance/join/other_robot.cpp";
+            compiled(&repository().join(source), &CPP)
+        }),
     }
 }
 
@@ -86,6 +96,10 @@ pub(super) fn python() -> Examples {
             let script = repository().join(format!("clients/python/examples/{name}.py"));
             Ok(Program::script(python_client()?, &script))
         },
+        other_robot: Some(|| {
+            let script = repository().join("tests/src/bin/acceptance/join/other_robot.py");
+            Ok(Program::script(python_client()?, &script))
+        }),
     }
 }
 
@@ -124,8 +138,13 @@ fn with_folder_of(python: &Path) -> anyhow::Result<OsString> {
     )?)
 }
 
-/// An example in C or C++, compiled with every warning an error.
-fn compiled(name: &str, ending: &str, compiler: &[&str]) -> anyhow::Result<Program> {
+fn c_example(name: &str, ending: &str) -> PathBuf {
+    let folder = repository().join("clients/c/examples");
+    folder.join(name).with_extension(ending)
+}
+
+/// A program in C or C++, compiled with every warning an error.
+fn compiled(source: &Path, compiler: &[&str; 2]) -> anyhow::Result<Program> {
     run(Command::new("cargo").args([
         "build",
         "--release",
@@ -134,16 +153,15 @@ fn compiled(name: &str, ending: &str, compiler: &[&str]) -> anyhow::Result<Progr
         "-p",
         "pcc-client-c",
     ]))?;
-    let folder = repository().join("clients/c");
+    let include = repository().join("clients/c/include");
     let release = release()?;
-    let program = release.join(format!("{name}-{ending}"));
-    let [compiler, standard] = compiler else {
-        unreachable!("a compiler and its standard")
-    };
+    let name = source.file_name().unwrap_or_default().to_string_lossy();
+    let program = release.join(name.replace('.', "-"));
+    let [compiler, standard] = compiler;
     run(Command::new(compiler)
         .args([*standard, "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-I"])
-        .arg(folder.join("include"))
-        .arg(folder.join("examples").join(name).with_extension(ending))
+        .arg(include)
+        .arg(source)
         .arg("-L")
         .arg(&release)
         .arg("-lpcc_client")

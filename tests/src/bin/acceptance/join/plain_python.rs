@@ -44,6 +44,7 @@ fn examples() -> Examples {
             )?;
             Ok(Program::script(python, &script))
         },
+        other_robot: None,
     }
 }
 
