@@ -182,6 +182,13 @@ PccClient *pcc_client_connect(const char *prefix,
 void pcc_client_free(PccClient *client);
 
 /*
+ States the robot file that this program is set up for: a daemon that plans for another robot refuses what the client asks for from now on
+ (outcome wrong robot). 0, or -1 where the file is none.
+ */
+int32_t pcc_client_state_robot(PccClient *client,
+                               const char *robot_file);
+
+/*
  A request for ten candidates from where the robot is, asked for now, with the daemon's defaults; its goals are to be written. It is not
  executed unless `execute` says so.
  */

@@ -12,7 +12,7 @@
 #define PCC_ASSERT(condition) _Static_assert(condition, #condition)
 #endif
 
-#define PCC_PROTOCOL_VERSION 5
+#define PCC_PROTOCOL_VERSION 6
 
 /* Degrees of freedom: two bending components a section, three sections. */
 #define PCC_DOF 6u
@@ -249,6 +249,8 @@ typedef enum PccOutcome {
   PCC_OUTCOME_START_CANNOT_STOP = 14,
   /* The motion is to begin where the robot is, and the controller is not there, stops, or is in fault. */
   PCC_OUTCOME_ROBOT_NOT_READY = 15,
+  /* The request is for another robot than the daemon plans for: the text has both hashes. */
+  PCC_OUTCOME_WRONG_ROBOT = 16,
 } PccOutcome;
 
 /* What a plan depends on beside its request, the daemon's configuration and its weights. */
@@ -615,7 +617,7 @@ typedef struct PccPlanRequest {
   uint32_t selection;
   /* The candidate to select, if the selection is by index. */
   uint32_t selected_index;
-  /* `Execute`: what is published for execution. A candidate of an earlier plan is named by `previous_plan_id` and `previous_candidate`; nothing is planned then, goals, balls and early candidates are 0, and of the other fields only the version, the request's number and `requested_mono_ns` and `begin_mono_ns` are read. */
+  /* `Execute`: what is published for execution. A candidate of an earlier plan is named by `previous_plan_id` and `previous_candidate`; nothing is planned then, goals, balls and early candidates are 0, and of the other fields only the version, the request's number, `robot_hash`, `requested_mono_ns` and `begin_mono_ns` are read. */
   uint32_t execute;
   /* Goals in use, 1..=8; 0 where an earlier plan is executed. */
   uint32_t goal_count;
@@ -643,12 +645,14 @@ typedef struct PccPlanRequest {
   int64_t begin_mono_ns;
   /* When the request's sender was asked for it, nanoseconds of `CLOCK_MONOTONIC`; only a request to execute needs one. The motion is not executed where a stop or a reset was ordered, or the controller was started, after it. */
   int64_t requested_mono_ns;
+  /* `RobotDescription::robot_hash` of the robot file that the sender is set up for: a daemon that plans for another robot refuses the request (outcome wrong robot); 0: it does not say. */
+  uint64_t robot_hash;
   /* The first `goal_count` are the goals, in their order: the motion passes them, and ends in the last one; the others are not read. */
   PccGoal goals[8];
   /* The first `ball_count` are obstacles; the others are not read. */
   PccBall balls[64];
 } PccPlanRequest;
-PCC_ASSERT(sizeof(PccPlanRequest) == 3000);
+PCC_ASSERT(sizeof(PccPlanRequest) == 3008);
 PCC_ASSERT(offsetof(PccPlanRequest, protocol_version) == 0);
 PCC_ASSERT(offsetof(PccPlanRequest, candidate_count) == 4);
 PCC_ASSERT(offsetof(PccPlanRequest, request_id) == 8);
@@ -671,8 +675,9 @@ PCC_ASSERT(offsetof(PccPlanRequest, start_acceleration_rad_s2) == 176);
 PCC_ASSERT(offsetof(PccPlanRequest, limits_scale) == 224);
 PCC_ASSERT(offsetof(PccPlanRequest, begin_mono_ns) == 232);
 PCC_ASSERT(offsetof(PccPlanRequest, requested_mono_ns) == 240);
-PCC_ASSERT(offsetof(PccPlanRequest, goals) == 248);
-PCC_ASSERT(offsetof(PccPlanRequest, balls) == 952);
+PCC_ASSERT(offsetof(PccPlanRequest, robot_hash) == 248);
+PCC_ASSERT(offsetof(PccPlanRequest, goals) == 256);
+PCC_ASSERT(offsetof(PccPlanRequest, balls) == 960);
 
 /* One certified candidate of a plan. */
 typedef struct PccCandidateSummary {
@@ -765,7 +770,7 @@ PCC_ASSERT(offsetof(PccPlanReport, stages_ns) == 80);
 PCC_ASSERT(offsetof(PccPlanReport, reason) == 144);
 PCC_ASSERT(offsetof(PccPlanReport, candidates) == 312);
 
-/* A client's request and its whole answer but for the knots (service `plan_record`). */
+/* A request, of a client or of the daemon itself for the goal that stays, and its whole answer but for the knots (service `plan_record`). */
 typedef struct PccPlanRecord {
   /* Number of the record among those of this daemon, from 1, without gaps. */
   uint64_t sequence;
@@ -782,14 +787,14 @@ typedef struct PccPlanRecord {
   /* What it was answered. */
   PccPlanReport report;
 } PccPlanRecord;
-PCC_ASSERT(sizeof(PccPlanRecord) == 6976);
+PCC_ASSERT(sizeof(PccPlanRecord) == 6984);
 PCC_ASSERT(offsetof(PccPlanRecord, sequence) == 0);
 PCC_ASSERT(offsetof(PccPlanRecord, stamp_mono_ns) == 8);
 PCC_ASSERT(offsetof(PccPlanRecord, instance) == 16);
 PCC_ASSERT(offsetof(PccPlanRecord, depends_on) == 24);
 PCC_ASSERT(offsetof(PccPlanRecord, start_configuration_rad) == 32);
 PCC_ASSERT(offsetof(PccPlanRecord, request) == 80);
-PCC_ASSERT(offsetof(PccPlanRecord, report) == 3080);
+PCC_ASSERT(offsetof(PccPlanRecord, report) == 3088);
 
 /* What the controller is to execute (service `trajectory`, history 1). */
 typedef struct PccTrajectoryMessage {
