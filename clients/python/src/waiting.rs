@@ -35,7 +35,7 @@ pub(crate) fn wait<T>(
     let limit = TimeLimit::new(time_limit(timeout)?);
     let raised_by_signal = RefCell::new(None);
     let is_given_up = || {
-        let error = Python::attach(Python::check_signals).err();
+        let error = Python::attach(|py| py.check_signals().err());
         *raised_by_signal.borrow_mut() = error;
         raised_by_signal.borrow().is_some()
     };
