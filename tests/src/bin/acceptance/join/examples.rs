@@ -75,7 +75,8 @@ impl Examples {
             self.follow(report)
         });
         if let Some(program) = self.other_robot {
-            report.group(&group("another robot"), self.command, |report| {
+            let command = "tests/src/bin/acceptance/join/other_robot.*";
+            report.group(&group("another robot"), command, |report| {
                 self.other_robot(report, &program()?)
             });
         }
