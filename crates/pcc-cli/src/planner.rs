@@ -31,7 +31,7 @@ fn model_name(text: &str) -> Result<String, String> {
 }
 
 /// Which weights are used, and how the diffusion model is sampled.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub(crate) struct ModelArguments {
     /// Folder of the weights and their manifest.
     #[arg(long, default_value = "weights")]
@@ -56,6 +56,15 @@ pub(crate) struct ModelArguments {
 }
 
 impl ModelArguments {
+    /// The same weights, sampled in so many steps by this solver.
+    pub(crate) fn with_steps(&self, steps: usize, solver: Solver) -> Self {
+        Self {
+            steps: Some(steps),
+            solver: Some(solver),
+            ..self.clone()
+        }
+    }
+
     /// Opens the weights that are named, or `default`, and makes a model of their file.
     fn load<M, E: Error + Send + Sync + 'static>(
         &self,

@@ -149,6 +149,12 @@ impl WeightsFile {
         Ok(&known.values)
     }
 
+    /// The tensors' names and shapes.
+    pub fn shapes(&self) -> impl Iterator<Item = (&str, &[usize])> {
+        let tensors = self.tensors.iter();
+        tensors.map(|(name, tensor)| (name.as_str(), tensor.shape.as_slice()))
+    }
+
     /// The values of a tensor of one dimension, if it has this length.
     pub(crate) fn vector(&self, name: &str, length: usize) -> Result<Vec<f32>, WeightsError> {
         Ok(self.tensor(name, &[length])?.to_vec())

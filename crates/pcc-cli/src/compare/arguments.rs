@@ -9,23 +9,25 @@ use std::path::PathBuf;
 
 /// Cases of each set, without and with `--quick`.
 const CASES: [usize; 2] = [250, 20];
+/// Minutes that the whole page takes on two cores, without and with `--quick`.
+const MINUTES: [u32; 2] = [30, 6];
 
 /// Arguments of `pcc compare`.
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// Planners to compare, separated by commas; without it all but `proposed`.
+    /// Planners to compare, separated by commas, and nothing but the comparison; without it all but `proposed`.
     #[arg(long, value_enum, value_delimiter = ',')]
     planners: Vec<PlannerName>,
     /// Sets of cases, separated by commas: reference, general and hard, which are generated from seeds that nothing was trained with, or
-    /// folders with a data set; without it those three.
+    /// folders with a data set, and nothing but the comparison; without it those three.
     #[arg(long, value_delimiter = ',')]
     sets: Vec<CaseSet>,
     /// Cases of each set, at least 2; without it 250, with --quick 20.
     #[arg(long, value_parser = number::whole(2, usize::MAX))]
     cases: Option<usize>,
-    /// A small comparison.
+    /// The whole page at a reduced size.
     #[arg(long)]
-    quick: bool,
+    pub(super) quick: bool,
     /// Candidates, or attempts, a case (1 to 64).
     #[arg(long, default_value_t = 10, value_parser = number::candidates())]
     pub(super) candidates: usize,
@@ -43,7 +45,7 @@ pub(crate) struct Arguments {
     pub(super) robot: PathBuf,
     #[command(flatten)]
     pub(super) models: ModelArguments,
-    /// Folder for compare.json, compare.csv and index.html; cases that are in it already are not planned again.
+    /// Folder for compare.json, compare.csv and index.html; what is in it already is neither planned nor executed again.
     #[arg(long)]
     pub(super) out: PathBuf,
 }
@@ -59,9 +61,20 @@ impl Arguments {
 
     pub(super) fn sets(&self) -> Vec<CaseSet> {
         match self.sets.is_empty() {
-            true => CaseSet::GENERATED.to_vec(),
+            true => CaseSet::COMPARED.to_vec(),
             false => self.sets.clone(),
         }
+    }
+
+    /// Whether the page has the paper's figures, too.
+    pub(super) fn is_whole_page(&self) -> bool {
+        self.planners.is_empty() && self.sets.is_empty()
+    }
+
+    /// Minutes that the whole page takes on two cores; none where its size is another one.
+    pub(super) fn expected_minutes(&self) -> Option<u32> {
+        let is_usual = self.is_whole_page() && self.cases.is_none();
+        is_usual.then(|| MINUTES[usize::from(self.quick)])
     }
 
     pub(super) fn cases(&self) -> usize {

@@ -3,7 +3,7 @@
 use crate::evaluate::Answer;
 use anyhow::{Context, ensure};
 use pcc_model::{Configuration, UnitRobot};
-use planning::{Candidate, SampledVerdict, Source, modes};
+use planning::{Candidate, SampledVerdict, Source, Stage, modes};
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
@@ -21,6 +21,10 @@ pub(super) struct CaseRecord {
     pub(super) drawing_s: f64,
     /// Candidates asked for.
     pub(super) asked: usize,
+    /// Time of the sampler alone, s; 0 where the request was refused.
+    pub(super) sampling_s: f64,
+    /// The paths that were drawn, as the paper's criterion judges them.
+    pub(super) drawn: Vec<DrawnRecord>,
     /// Candidates that succeed by the paper's criterion as they were drawn.
     pub(super) successes: usize,
     /// Terminal modes of the certified motions.
@@ -29,9 +33,21 @@ pub(super) struct CaseRecord {
     pub(super) motions: Vec<MotionRecord>,
 }
 
+/// What the paper's criterion sees of a path.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
+pub(super) struct DrawnRecord {
+    /// Distance of the tip from the target, section lengths.
+    pub(super) tip_error: f64,
+    /// Smallest clearance of the points that it looks at, section lengths; none without balls.
+    pub(super) clearance: Option<f64>,
+    pub(super) is_success: bool,
+}
+
 /// Figures of a certified motion.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub(super) struct MotionRecord {
+    /// Length of the tip's path, section lengths.
+    pub(super) tip_length: f64,
     /// Tip length ÷ distance.
     pub(super) tip_length_ratio: f64,
     /// ∫‖p‴‖² over the normalised arc length, section lengths².
@@ -46,10 +62,16 @@ impl CaseRecord {
         let drawn = draws
             .filter(|draw| draw.source != Source::Explored)
             .filter_map(|draw| draw.sampled.as_ref().or(draw.path.as_ref()));
-        let is_success = |path: &&Vec<Configuration>| {
+        let judged = drawn.map(|path| {
             let Answer { case, .. } = answer;
-            SampledVerdict::of(robot, &case.scene, &case.target_tip, path).is_success()
-        };
+            DrawnRecord::of(&SampledVerdict::of(
+                robot,
+                &case.scene,
+                &case.target_tip,
+                path,
+            ))
+        });
+        let drawn: Vec<DrawnRecord> = judged.collect();
         let candidates = plan.into_iter().flat_map(|plan| &plan.candidates);
         let certified: Vec<&Candidate> = candidates
             .filter(|candidate| candidate.source != Source::Explored)
@@ -61,9 +83,21 @@ impl CaseRecord {
             seconds: answer.seconds,
             drawing_s: answer.drawing_s,
             asked,
-            successes: drawn.filter(is_success).count(),
+            sampling_s: plan.map_or(0.0, |plan| plan.stages[Stage::Sample]),
+            successes: drawn.iter().filter(|it| it.is_success).count(),
+            drawn,
             modes: modes(&ends),
             motions: certified.into_iter().map(MotionRecord::of).collect(),
+        }
+    }
+}
+
+impl DrawnRecord {
+    pub(super) fn of(verdict: &SampledVerdict) -> Self {
+        Self {
+            tip_error: verdict.tip_error,
+            clearance: Some(verdict.clearance).filter(|it| it.is_finite()),
+            is_success: verdict.is_success(),
         }
     }
 }
@@ -72,6 +106,7 @@ impl MotionRecord {
     fn of(candidate: &Candidate) -> Self {
         let metrics = &candidate.metrics;
         Self {
+            tip_length: metrics.tip_length,
             tip_length_ratio: metrics.tip_length / metrics.tip_distance,
             tip_smoothness: metrics.tip_smoothness,
             duration_s: metrics.duration_s,
@@ -102,7 +137,7 @@ impl CaseLog {
         let mut lines = BufReader::new(&log.file).lines();
         let (mut whole_bytes, mut is_whole) = (0, true);
         match lines.next().transpose()? {
-            None => log.append(settings)?,
+            None => drop(log.append(settings)?),
             Some(first) => {
                 let found: serde_json::Value = serde_json::from_str(&first).unwrap_or_default();
                 ensure!(
@@ -127,16 +162,19 @@ impl CaseLog {
         Ok(log)
     }
 
-    pub(super) fn add(&mut self, record: CaseRecord) -> anyhow::Result<()> {
-        self.append(&record)?;
-        self.records.push(record);
+    /// Adds a record, as a comparison that goes on would read it.
+    pub(super) fn add(&mut self, record: &CaseRecord) -> anyhow::Result<()> {
+        let line = self.append(record)?;
+        self.records.push(serde_json::from_str(&line)?);
         Ok(())
     }
 
-    fn append(&mut self, line: &impl Serialize) -> anyhow::Result<()> {
+    /// Writes a line, and returns it.
+    fn append(&mut self, line: &impl Serialize) -> anyhow::Result<String> {
         let mut line = serde_json::to_string(line)?;
         line.push('\n');
-        Ok(self.file.write_all(line.as_bytes())?)
+        self.file.write_all(line.as_bytes())?;
+        Ok(line)
     }
 }
 
@@ -147,9 +185,15 @@ mod tests {
 
     fn record(case: usize) -> CaseRecord {
         let motion = MotionRecord {
+            tip_length: 2.5,
             tip_length_ratio: 1.5,
             tip_smoothness: 3.25,
             duration_s: 0.125,
+        };
+        let drawn = DrawnRecord {
+            tip_error: 0.0625,
+            clearance: None,
+            is_success: true,
         };
         CaseRecord {
             case,
@@ -157,6 +201,8 @@ mod tests {
             seconds: 0.5,
             drawing_s: 0.25,
             asked: 10,
+            sampling_s: 0.125,
+            drawn: vec![drawn],
             successes: 7,
             modes: 3,
             motions: vec![motion],
@@ -169,13 +215,13 @@ mod tests {
         let file = folder.path().join("fast.jsonl");
         let settings = json!({ "seed": 1 });
         let mut log = CaseLog::open(&file, &settings).unwrap();
-        log.add(record(0)).unwrap();
-        log.add(record(1)).unwrap();
+        log.add(&record(0)).unwrap();
+        log.add(&record(1)).unwrap();
         let length = log.file.metadata().unwrap().len();
         log.file.set_len(length - 5).unwrap();
         let mut log = CaseLog::open(&file, &settings).unwrap();
         assert_eq!(log.records, [record(0)]);
-        log.add(record(1)).unwrap();
+        log.add(&record(1)).unwrap();
         let records = CaseLog::open(&file, &settings).unwrap().records;
         assert_eq!(records, [record(0), record(1)]);
         let refused = CaseLog::open(&file, &json!({ "seed": 2 }));

@@ -25,10 +25,11 @@ pub(crate) struct Generated {
 }
 
 /// docs/evaluation.md "Cases".
-static SETS: [Generated; 3] = [
+static SETS: [Generated; 4] = [
     generated("reference", "paper", 5, 10, 9003, 4),
     generated("general", "cases", 3, 1, 9001, 5),
     generated("hard", "cases", 3, 1, 9002, 9),
+    generated("obstacle-free", "paper", 5, 10, 9004, 4),
 ];
 
 const fn generated(
@@ -53,12 +54,15 @@ const fn generated(
 }
 
 impl CaseSet {
-    /// The sets that are generated.
-    pub(super) const GENERATED: [Self; 3] = [
+    /// The sets that all planners are compared on.
+    pub(super) const COMPARED: [Self; 3] = [
         Self::Generated(&SETS[0]),
         Self::Generated(&SETS[1]),
         Self::Generated(&SETS[2]),
     ];
+    pub(super) const REFERENCE: Self = Self::Generated(&SETS[0]);
+    pub(super) const GENERAL: Self = Self::Generated(&SETS[1]);
+    pub(super) const OBSTACLE_FREE: Self = Self::Generated(&SETS[3]);
 
     /// The first so many cases; what is generated stays in a folder, beside its blocks.
     pub(super) fn cases(

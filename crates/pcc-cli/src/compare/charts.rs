@@ -2,11 +2,9 @@
 
 use super::bootstrap::Interval;
 use super::comparison::{PlannerResult, SetResult};
-use anyhow::anyhow;
-use plotters::coord::Shift;
+use super::drawing::{Area, COLOURS, Drawn, GREY as OTHERS, INK, svg};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use std::error::Error;
 
 const WIDTH: u32 = 620;
 /// Height of a row, of the title and of the axis, pixels.
@@ -15,30 +13,11 @@ const TITLE: u32 = 34;
 const AXIS: u32 = 46;
 /// Room for the names of the planners, pixels.
 const NAMES: u32 = 130;
-const OURS: RGBColor = RGBColor(31, 105, 178);
-const OTHERS: RGBColor = RGBColor(128, 138, 148);
-const INK: RGBColor = RGBColor(28, 39, 51);
+const OURS: RGBColor = COLOURS[0];
 /// Planners of this project: what it serves, and its learned sampler.
 const OWN: [&str; 2] = ["default", "fast"];
-/// Colours of the lines by number of balls.
-const LINES: [RGBColor; 10] = [
-    OURS,
-    RGBColor(194, 87, 26),
-    RGBColor(47, 143, 91),
-    RGBColor(138, 79, 176),
-    RGBColor(181, 138, 0),
-    RGBColor(20, 134, 140),
-    RGBColor(194, 59, 107),
-    RGBColor(107, 122, 31),
-    RGBColor(77, 87, 196),
-    RGBColor(140, 90, 60),
-];
-
 /// Width of a chart by number of balls ÷ that of its lines: the planners' names are beside them.
 const ROOM_FOR_NAMES: f64 = 1.4;
-
-type Drawn = Result<(), Box<dyn Error>>;
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// A figure of every planner, a row each: a dot, and its interval as a line. Planners without a value have an empty row.
 pub(super) fn rows(
@@ -52,24 +31,20 @@ pub(super) fn rows(
         .iter()
         .map(|it| (it.planner.as_str(), figure(it)))
         .collect();
-    let height = TITLE + AXIS + ROW * rows.len() as u32;
-    svg(height, |area| match is_logarithmic {
-        true => logarithmic_rows(area, title, &rows),
-        false => linear_rows(area, title, &rows),
-    })
+    named_rows(title, is_logarithmic, &rows)
 }
 
-fn svg(height: u32, draw: impl FnOnce(&Area) -> Drawn) -> anyhow::Result<String> {
-    let mut text = String::new();
-    {
-        let area = SVGBackend::with_string(&mut text, (WIDTH, height)).into_drawing_area();
-        area.fill(&WHITE)
-            .map_err(|error| anyhow!("no picture: {error}"))?;
-        draw(&area).map_err(|error| anyhow!("no picture: {error}"))?;
-        area.present()
-            .map_err(|error| anyhow!("no picture: {error}"))?;
-    }
-    Ok(text)
+/// A row for each name.
+pub(super) fn named_rows(
+    title: &str,
+    is_logarithmic: bool,
+    rows: &[(&str, Interval)],
+) -> anyhow::Result<String> {
+    let height = TITLE + AXIS + ROW * rows.len() as u32;
+    svg((WIDTH, height), |area| match is_logarithmic {
+        true => logarithmic_rows(area, title, rows),
+        false => linear_rows(area, title, rows),
+    })
 }
 
 /// Writes a chart's rows, whose horizontal axis is made by `range`.
@@ -157,7 +132,7 @@ pub(super) fn by_balls(
         .collect();
     let balls = lines.iter().flat_map(|(_, points)| points).map(|it| it.0);
     let most = balls.fold(1.0, f64::max);
-    svg(360, |area| {
+    svg((WIDTH, 360), |area| {
         let mut chart = ChartBuilder::on(area)
             .caption(title, ("sans-serif", 16).into_font().color(&INK))
             .margin_right(20)
@@ -176,7 +151,7 @@ pub(super) fn by_balls(
             .light_line_style(TRANSPARENT)
             .bold_line_style(OTHERS.mix(0.3))
             .draw()?;
-        for ((name, points), colour) in lines.iter().zip(LINES) {
+        for ((name, points), colour) in lines.iter().zip(COLOURS) {
             let line = LineSeries::new(points.clone(), colour.stroke_width(2)).point_size(3);
             let mark =
                 move |(x, y)| PathElement::new([(x, y), (x + 14, y)], colour.stroke_width(2));

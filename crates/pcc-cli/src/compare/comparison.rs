@@ -13,6 +13,8 @@ pub(super) struct Comparison {
     pub(super) seed: u64,
     pub(super) threads: usize,
     pub(super) machine: String,
+    /// Time that was measured in, in one run or several, s.
+    pub(super) measuring_s: f64,
     pub(super) sets: Vec<SetResult>,
 }
 

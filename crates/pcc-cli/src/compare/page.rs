@@ -3,6 +3,8 @@
 use super::bootstrap::Interval;
 use super::charts;
 use super::comparison::{Comparison, PlannerResult, SetResult};
+use super::counterparts::{self, Counterpart};
+use super::experiments::{Figure, Picture};
 use super::figures::{Figures, Paired};
 
 /// Planners whose shares are shown by number of balls.
@@ -23,34 +25,101 @@ const STYLE: &str = "
 body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: #fff; margin: 0 auto; max-width: 82rem; padding: 1rem; }
 h1 { font-size: 1.5rem; } h2 { margin-top: 2.5rem; border-top: 1px solid var(--line); padding-top: 1rem; }
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(32rem, 100%), 1fr)); gap: 1rem; }
-.charts svg { width: 100%; height: auto; } .table { overflow-x: auto; }
+svg { width: 100%; height: auto; display: block; } .table { overflow-x: auto; }
+figure { margin: 2.5rem 0; } .pictures { display: flex; flex-wrap: wrap; gap: .75rem; align-items: flex-end; }
+.pictures > div { flex: 1 1 12rem; max-width: 44rem; } .pictures > .square { flex-basis: min(12rem, 45%); max-width: 22rem; } .pictures > .wide { flex-basis: min(24rem, 100%); }
+.pictures p { margin: 0; font-size: .8rem; color: var(--soft); text-align: center; } figcaption { max-width: 60rem; }
+pre { background: #f1f4f7; padding: .5rem .75rem; border-radius: 3px; font-size: .8rem; white-space: pre-wrap; overflow-wrap: anywhere; max-width: 60rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .85rem; white-space: nowrap; }
 th, td { padding: .2rem .6rem; text-align: right; border-bottom: 1px solid var(--line); } th:first-child, td:first-child { text-align: left; }
+.words td, .words th { text-align: left; white-space: normal; }
 td small { color: var(--soft); } code { background: #f1f4f7; padding: .05rem .3rem; border-radius: 3px; } li { margin: .2rem 0; }
 ";
 
-pub(super) fn html(comparison: &Comparison) -> anyhow::Result<String> {
+/// # Errors
+/// Where there are figures, and not all of the paper's.
+pub(super) fn html(comparison: &Comparison, figures: &[Figure]) -> anyhow::Result<String> {
     let Comparison {
         candidates,
         machine,
         seed,
+        measuring_s,
         sets,
         ..
     } = comparison;
     let mut page = format!(
         "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-         <title>Planners compared</title><link rel=\"icon\" href=\"data:,\"><style>{STYLE}</style></head><body>\
-         <h1>Planners compared</h1><p>{candidates} candidates or attempts a case, seed {seed}, one request at a time on {machine}. Every case of a \
+         <title>Results</title><link rel=\"icon\" href=\"data:,\"><style>{STYLE}</style></head><body>\
+         <h1>Results</h1><p>Made by <code>pcc compare</code> in {:.1} minutes of measuring on {machine}.</p>",
+        measuring_s / 60.0
+    );
+    if !figures.is_empty() {
+        counterparts::check(figures)?;
+        page += &paper_table()?;
+        page.extend(figures.iter().map(figure));
+    }
+    page += &format!(
+        "<h2 id=\"planners\">Planners compared</h2><p>{candidates} candidates or attempts a case, seed {seed}, one request at a time. Every case of a \
          set is counted, and all planners answer the same ones; intervals are 95 % by the bootstrap over cases. “Success” is the paper's \
          criterion: of the paths as they were drawn (of planners that draw none, as they were corrected), a tip within 0.1 L of the target \
          and nine points of the body clear at 64 waypoints. “Certified” is this project's: the whole body, the whole motion and all \
-         tendon limits. Made by <code>pcc compare</code>.</p>"
+         tendon limits.</p>"
     );
     for set in sets {
         page += &section(comparison, set)?;
     }
     Ok(page + "</body></html>\n")
+}
+
+/// The list of the paper's figures and their counterparts.
+fn paper_table() -> anyhow::Result<String> {
+    let row = |it: Counterpart| {
+        let (label, shows, anchor) = (escaped(it.label), escaped(it.shows), it.anchor);
+        format!(
+            "<tr><td><code>{label}</code></td><td>{shows}</td><td><a href=\"#{anchor}\">{anchor}</a></td></tr>"
+        )
+    };
+    let rows: String = counterparts::list()?.into_iter().map(row).collect();
+    Ok(format!(
+        "<h2 id=\"paper\">The paper's figures, and where they are here</h2><p>By their labels in the paper, which has no tables. Figures after these \
+         are this project's own. L is the length of a section.</p><div class=\"table\"><table class=\"words\"><tr><th>paper</th><th>what it shows</th>\
+         <th>here</th></tr>{rows}</table></div>"
+    ))
+}
+
+fn figure(it: &Figure) -> String {
+    let picture = |picture: &Picture| {
+        let id = picture
+            .id
+            .map_or_else(String::new, |id| format!(" id=\"{id}\""));
+        let Picture { svg, caption, .. } = picture;
+        format!(
+            "<div{id} class=\"{}\">{svg}<p>{}</p></div>",
+            shape_of(svg),
+            escaped(caption)
+        )
+    };
+    let Figure {
+        id, title, caption, ..
+    } = it;
+    let pictures: String = it.pictures.iter().map(picture).collect();
+    format!(
+        "<figure id=\"{id}\"><h3>{title}</h3><div class=\"pictures\">{pictures}</div><figcaption><p>{caption}</p></figcaption><pre>{}</pre></figure>",
+        escaped(&it.command)
+    )
+}
+
+/// Whether a picture is square or wide.
+fn shape_of(svg: &str) -> &'static str {
+    let side = |name: &str| {
+        let (_, rest) = svg.split_once(&format!("{name}=\""))?;
+        rest.split('"').next()?.parse::<f64>().ok()
+    };
+    match side("width").zip(side("height")) {
+        Some((width, height)) if width > 1.3 * height => "wide",
+        _ => "square",
+    }
 }
 
 fn section(comparison: &Comparison, set: &SetResult) -> anyhow::Result<String> {
@@ -93,11 +162,16 @@ fn section(comparison: &Comparison, set: &SetResult) -> anyhow::Result<String> {
         .map(|(it, paired)| sentence(against, it, paired))
         .collect();
     Ok(format!(
-        "<h2>{}: {} cases</h2><div class=\"charts\">{}</div>{}<h3><code>{against}</code> beside each other planner, case by case</h3><ul>{paired}</ul>",
+        "<h2 id=\"set-{}\">{}: {} cases</h2><div class=\"charts\">{}</div>{}<h3><code>{against}</code> beside each other planner, case by case</h3><ul>{paired}</ul><pre>{}</pre>",
+        escaped(&set.set),
         escaped(&set.set),
         set.cases,
         charts.map(|svg| format!("<div>{svg}</div>")).concat(),
         table(set),
+        escaped(&format!(
+            "pcc compare --sets {} --cases {} --out out/compare",
+            set.set, set.cases
+        )),
     ))
 }
 

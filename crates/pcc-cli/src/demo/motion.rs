@@ -33,6 +33,8 @@ const MEASURED_OVER_NS: i64 = 300_000_000;
 pub(super) struct Report {
     pub(super) experiment: u32,
     pub(super) name: String,
+    /// Id of the trajectory in records.
+    pub(super) trajectory_id: u32,
     pub(super) requested_tip_m: [f64; 3],
     /// Tip of the commanded configuration at the end.
     pub(super) reached_tip_m: [f64; 3],
@@ -116,6 +118,7 @@ impl Session<'_> {
         Ok(Execution::Done(Report {
             experiment: task.experiment,
             name: task.name.into(),
+            trajectory_id: id,
             requested_tip_m: goal_tip(self.robot, &task.goal).into(),
             reached_tip_m: self.robot.tip(&end).into(),
             measured_tip_m: self.robot.tip(&mean).into(),

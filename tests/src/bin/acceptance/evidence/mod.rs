@@ -2,6 +2,7 @@
 
 mod checker;
 mod comparison;
+mod page;
 mod paper_model;
 mod planners;
 mod referee;
@@ -13,6 +14,7 @@ use crate::scale::Scale;
 pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     rivals::run,
     referee::run,
+    page::run,
     comparison::run,
     paper_model::run,
     checker::run,

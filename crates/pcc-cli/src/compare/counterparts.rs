@@ -1,0 +1,112 @@
+//! The paper's figures, and where on the page each has its counterpart.
+
+use super::experiments::Figure;
+use anyhow::{Context, ensure};
+
+/// Comments, and then a line for each figure and part of a figure of the paper: its label there, its counterpart's anchor, what it shows.
+const LIST: &str = include_str!("../../../../docs/results/paper-figures.csv");
+
+/// A figure of the paper, or a part of one.
+pub(super) struct Counterpart {
+    pub(super) label: &'static str,
+    /// Anchor on the page.
+    pub(super) anchor: &'static str,
+    pub(super) shows: &'static str,
+}
+
+/// The list, in the paper's order.
+///
+/// # Errors
+/// Where a line has no three columns.
+pub(super) fn list() -> anyhow::Result<Vec<Counterpart>> {
+    let lines = LIST.lines().filter(|line| !line.starts_with('#')).skip(1);
+    let row = |line: &'static str| {
+        let mut columns = line.splitn(3, ',');
+        let mut column = || {
+            columns
+                .next()
+                .with_context(|| format!("three columns are needed: {line}"))
+        };
+        Ok(Counterpart {
+            label: column()?,
+            anchor: column()?,
+            shows: column()?,
+        })
+    };
+    lines.map(row).collect()
+}
+
+/// # Errors
+/// Where a figure of the paper has no counterpart among these, or one without picture or command.
+pub(super) fn check(figures: &[Figure]) -> anyhow::Result<()> {
+    for Counterpart { label, anchor, .. } in list()? {
+        let has_anchor =
+            |it: &&Figure| it.id == anchor || it.pictures.iter().any(|it| it.id == Some(anchor));
+        let figure = figures.iter().find(has_anchor);
+        let figure =
+            figure.with_context(|| format!("{label} of the paper has no counterpart #{anchor}"))?;
+        ensure!(
+            !figure.pictures.is_empty() && !figure.command.is_empty(),
+            "the counterpart of {label} has no picture or no command"
+        );
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compare::experiments::Picture;
+
+    fn figures() -> Vec<Figure> {
+        let picture = |id| Picture {
+            id: Some(id),
+            svg: "<svg></svg>".to_owned(),
+            caption: String::new(),
+        };
+        let figure = |it: Counterpart| Figure {
+            id: it.anchor,
+            title: "",
+            pictures: vec![picture(it.anchor)],
+            caption: String::new(),
+            command: "pcc".to_owned(),
+        };
+        list().unwrap().into_iter().map(figure).collect()
+    }
+
+    #[test]
+    fn every_figure_of_the_paper_is_in_the_list() {
+        let labels: Vec<&str> = list().unwrap().iter().map(|it| it.label).collect();
+        for (label, parts) in [
+            ("fig:teaser", ""),
+            ("fig:network", ""),
+            ("fig:denoising", "ab"),
+            ("fig:multisolution", "abcdefg"),
+            ("fig:ablation", "ab"),
+            ("fig:comparison", ""),
+            ("fig:real_world_consecutive", "ab"),
+            ("fig:real_world_multisolution", "ab"),
+        ] {
+            assert!(labels.contains(&label), "{label}");
+            for part in parts.chars() {
+                let part = format!("{label}_{part}");
+                assert!(labels.contains(&part.as_str()), "{part}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_figure_of_the_paper_without_a_counterpart_is_refused() {
+        check(&figures()).unwrap();
+        let anchors: Vec<&str> = list().unwrap().iter().map(|it| it.anchor).collect();
+        for missing in anchors {
+            let mut fewer = figures();
+            fewer.retain(|it| it.id != missing);
+            let said = check(&fewer).unwrap_err().to_string();
+            assert!(said.contains(missing), "{said}");
+        }
+        let mut without_command = figures();
+        without_command[0].command.clear();
+        assert!(check(&without_command).is_err());
+    }
+}

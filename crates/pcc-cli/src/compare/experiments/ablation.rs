@@ -1,0 +1,81 @@
+//! What guidance is worth: without it, with post correction, with guided prediction.
+
+use super::{Bench, Figure, Picture};
+use crate::compare::case_log::{CaseRecord, DrawnRecord};
+use crate::compare::case_sets::CaseSet;
+use crate::compare::drawing::{Bar, Bars, COLOURS};
+use crate::compare::records::SetRecords;
+use crate::sampler::PlannerName;
+
+const VARIANTS: [(PlannerName, &str); 3] = [
+    (PlannerName::Diffusion, "none"),
+    (PlannerName::DiffusionPost, "post"),
+    (PlannerName::DiffusionGuided, "guided"),
+];
+
+/// A panel: title, unit, and the values of a variant's records.
+type Panel = (&'static str, &'static str, fn(&CaseRecord) -> Vec<f64>);
+
+/// Panels of each kind of scenes; those without balls have no clearance.
+const PANELS: [Panel; 4] = [
+    ("Success of a case", "%", |record| {
+        vec![100.0 * record.successes as f64 / record.asked as f64]
+    }),
+    ("Tip error of successes", "% of robot length", |record| {
+        let errors = record.drawn.iter().filter(|it| it.is_success);
+        errors.map(|it| 100.0 * it.tip_error / 3.0).collect()
+    }),
+    ("Sampling time of a path", "ms", |record| {
+        vec![1e3 * record.sampling_s / record.asked as f64]
+    }),
+    ("Clearance of all paths", "L", |record| {
+        clearances(&record.drawn)
+    }),
+];
+
+fn clearances(drawn: &[DrawnRecord]) -> Vec<f64> {
+    drawn.iter().filter_map(|it| it.clearance).collect()
+}
+
+pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
+    let planners = VARIANTS.map(|(planner, _)| planner);
+    let count = bench.arguments.cases();
+    let free = bench.answers(&CaseSet::OBSTACLE_FREE, count, &planners)?;
+    let mixed = bench.answers(&CaseSet::REFERENCE, count, &planners)?;
+    bench.note(free.seconds());
+    let mut pictures = Vec::new();
+    for (set, panels, id) in [
+        (&free, &PANELS[..3], "ablation-free"),
+        (&mixed, &PANELS[..], "ablation-mixed"),
+    ] {
+        for (index, panel) in panels.iter().enumerate() {
+            let drawn = picture(set, panel)?;
+            pictures.push(if index == 0 { drawn.with_id(id) } else { drawn });
+        }
+    }
+    Ok(Figure {
+        id: "ablation",
+        title: "Ablation of guidance",
+        pictures,
+        caption: format!(
+            "The paper's sampler without guidance, with post correction and with guided prediction, {} unseen cases each without balls and of the mixed reference \
+             scenes (none to four balls), {} candidates a case, 50 DDIM steps. Bars are means, whiskers the 5th and 95th percentiles: of cases (success, \
+             time) and of paths (tip error ÷ 3 L, clearance of the nine points that the criterion looks at; below 0 they touch).",
+            free.cases.len(),
+            bench.arguments.candidates
+        ),
+        command: format!(
+            "pcc compare --sets obstacle-free,reference --planners diffusion,diffusion-post,diffusion-guided --cases {count} --out out/ablation"
+        ),
+    })
+}
+
+fn picture(set: &SetRecords, (title, unit, values): &Panel) -> anyhow::Result<Picture> {
+    let mut bars = Vec::new();
+    for ((planner, name), colour) in VARIANTS.into_iter().zip(COLOURS) {
+        let values: Vec<f64> = set.of(planner)?.iter().flat_map(values).collect();
+        bars.extend(Bar::of(name, &values, colour));
+    }
+    let chart = Bars { title, unit, bars };
+    Ok(Picture::new(chart.svg()?, format!("{} cases", set.set)))
+}

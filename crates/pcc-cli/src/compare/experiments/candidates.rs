@@ -1,0 +1,69 @@
+//! Time of a request against the number of its candidates.
+
+use super::{Bench, Figure, Picture};
+use crate::compare::case_sets::CaseSet;
+use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
+use crate::evaluate::{Asked, answer};
+use crate::sampler::{PlannerName, name_of};
+use planning::MOST_CORRECTIONS;
+use serde_json::json;
+
+const PLANNERS: [PlannerName; 7] = [
+    PlannerName::Fast,
+    PlannerName::Default,
+    PlannerName::RrtConnect,
+    PlannerName::DiffusionPost,
+    PlannerName::CRrt,
+    PlannerName::WRrtStar,
+    PlannerName::Apf,
+];
+const COUNTS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
+
+pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
+    let cases = bench.scale(5, 40);
+    let mut lines = Vec::new();
+    for (planner, colour) in PLANNERS.into_iter().zip(COLOURS) {
+        let points = medians(bench, planner, cases)?;
+        lines.push(Line::measured(&name_of(&planner), points, colour));
+    }
+    let chart = Lines {
+        x: Axis::logarithmic("candidates, or attempts"),
+        y: Axis::logarithmic("ms a request"),
+        lines,
+        marks: Vec::new(),
+    };
+    Ok(Figure {
+        id: "candidates",
+        title: "Time against the number of candidates",
+        pictures: vec![Picture::new(chart.svg()?, format!("medians over {cases} unseen mixed reference cases"))],
+        caption: "Whole requests, one at a time; of the rivals, until their attempts are made. Both axes are logarithmic.".to_owned(),
+        command: "for n in 1 2 4 8 16 32 64; do\n  pcc compare --sets reference --candidates $n --cases ".to_owned()
+            + &format!("{cases} --planners fast,default,rrt-connect,diffusion-post,c-rrt,w-rrt-star,apf --out out/candidates-$n\ndone"),
+    })
+}
+
+/// Median time of a request for each number of candidates, ms.
+fn medians(bench: &Bench, name: PlannerName, cases: usize) -> anyhow::Result<Vec<(f64, f64)>> {
+    let loaded = bench.planner(name)?;
+    let settings = json!({ "cases": cases, "counts": COUNTS });
+    let file = format!("candidates-{}", name_of(&name));
+    bench.keep(&file, &loaded.records, settings, || {
+        let set = bench.cases(&CaseSet::REFERENCE, cases)?;
+        let mut points = Vec::new();
+        for candidates in COUNTS {
+            let asked = Asked {
+                planner: name,
+                candidates,
+                corrections: MOST_CORRECTIONS,
+            };
+            let mut times_ms = Vec::new();
+            for (case, seed) in set.iter().zip(bench.arguments.seed..) {
+                let answer = answer(&loaded.planner, asked, seed, case.clone(), None)?;
+                times_ms.push(1e3 * answer.drawing_s);
+            }
+            times_ms.sort_by(f64::total_cmp);
+            points.push((candidates as f64, times_ms[times_ms.len() / 2]));
+        }
+        Ok(points)
+    })
+}
