@@ -64,7 +64,7 @@ macro_rules! draw_rows {
             .y_labels(0)
             .x_labels(8)
             .x_label_formatter(&$label)
-            .label_style(("sans-serif", 12).into_font().color(&INK))
+            .label_style(("sans-serif", 14).into_font().color(&INK))
             .light_line_style(TRANSPARENT)
             .bold_line_style(OTHERS.mix(0.3))
             .axis_style(OTHERS)
@@ -73,7 +73,7 @@ macro_rules! draw_rows {
             let y = count - index as f64 - 0.5;
             let colour = if OWN.contains(name) { OURS } else { OTHERS };
             let (_, pixel) = chart.backend_coord(&(interval.value.unwrap_or(1.0), y));
-            let style = ("sans-serif", 13).into_font().color(&INK);
+            let style = ("sans-serif", 14).into_font().color(&INK);
             let anchored = style.pos(Pos::new(HPos::Right, VPos::Center));
             $area.draw(&Text::new(
                 (*name).to_owned(),
@@ -161,7 +161,7 @@ pub(super) fn by_balls(
             .configure_series_labels()
             .position(SeriesLabelPosition::MiddleRight)
             .background_style(WHITE.mix(0.85))
-            .label_font(("sans-serif", 12))
+            .label_font(("sans-serif", 14))
             .draw()?;
         Ok(())
     })

@@ -27,7 +27,8 @@ h1 { font-size: 1.5rem; } h2 { margin-top: 2.5rem; border-top: 1px solid var(--l
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(32rem, 100%), 1fr)); gap: 1rem; }
 svg { width: 100%; height: auto; display: block; } .table { overflow-x: auto; }
 figure { margin: 2.5rem 0; } .pictures { display: flex; flex-wrap: wrap; gap: .75rem; align-items: flex-end; }
-.pictures > div { flex: 1 1 12rem; max-width: 44rem; } .pictures > .square { flex-basis: min(12rem, 45%); max-width: 22rem; } .pictures > .wide { flex-basis: min(24rem, 100%); }
+.pictures > .square { flex: 1 1 min(13rem, 45%); max-width: 22rem; } .pictures > .upright { flex: 1 1 15rem; max-width: 24rem; }
+.pictures > .wide { flex: 1 1 min(26rem, 100%); max-width: 44rem; } .pictures > .broad { flex: 1 1 100%; overflow-x: auto; } .broad svg { min-width: 46rem; }
 .pictures p { margin: 0; font-size: .8rem; color: var(--soft); text-align: center; } figcaption { max-width: 60rem; }
 pre { background: #f1f4f7; padding: .5rem .75rem; border-radius: 3px; font-size: .8rem; white-space: pre-wrap; overflow-wrap: anywhere; max-width: 60rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .85rem; white-space: nowrap; }
@@ -110,14 +111,17 @@ fn figure(it: &Figure) -> String {
     )
 }
 
-/// Whether a picture is square or wide.
+/// How a picture is laid out, by the ratio of its sides.
 fn shape_of(svg: &str) -> &'static str {
     let side = |name: &str| {
         let (_, rest) = svg.split_once(&format!("{name}=\""))?;
         rest.split('"').next()?.parse::<f64>().ok()
     };
-    match side("width").zip(side("height")) {
-        Some((width, height)) if width > 1.3 * height => "wide",
+    let ratio = side("width").zip(side("height"));
+    match ratio.map_or(1.0, |(width, height)| width / height) {
+        2.0.. => "broad",
+        1.3.. => "wide",
+        1.05.. => "upright",
         _ => "square",
     }
 }

@@ -6,10 +6,10 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// Height of a picture, pixels.
-const HEIGHT: u32 = 380;
+const HEIGHT: u32 = 340;
 /// Width of the curves and of their names, pixels.
-const WIDTH: u32 = 560;
-const NAMES: u32 = 140;
+const WIDTH: u32 = 470;
+const NAMES: u32 = 130;
 /// Height of a name, pixels.
 const ROW: i32 = 22;
 /// Room beyond the values of an axis, as a share of them.

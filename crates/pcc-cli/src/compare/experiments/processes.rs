@@ -1,7 +1,8 @@
 //! Daemon, controller and simulated robot as processes of their own, for as long as a figure needs them.
 
 use anyhow::{Context, ensure};
-use std::fs::{self, File};
+use std::fs::{self, DirBuilder, File};
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -13,7 +14,8 @@ const PROGRAMS: [(&str, &str); 3] = [
 ];
 
 /// Runs a program and ends it with a SIGTERM as soon as standard input ends, so that it does not outlive a parent that is killed.
-const WHILE_INPUT_LASTS: &str = r#"trap "" INT; "$@" </dev/null & read -r _; kill "$!"; wait "$!""#;
+const WHILE_INPUT_LASTS: &str =
+    r#"trap "" INT; "$@" </dev/null & read -r _; kill "$!" 2>/dev/null; wait "$!""#;
 
 /// The running processes; they end with this value.
 pub(super) struct Processes {
@@ -44,7 +46,7 @@ impl Processes {
             logs: logs.to_owned(),
             running: Vec::new(),
         };
-        fs::create_dir_all(&processes.root)?;
+        DirBuilder::new().mode(0o700).create(&processes.root)?;
         fs::create_dir_all(logs)?;
         let this = std::env::current_exe()?;
         for (name, configuration) in PROGRAMS {
