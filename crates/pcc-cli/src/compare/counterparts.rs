@@ -61,6 +61,7 @@ mod tests {
     fn figures() -> Vec<Figure> {
         let picture = |id| Picture {
             id: Some(id),
+            begins_row: false,
             svg: "<svg></svg>".to_owned(),
             caption: String::new(),
         };

@@ -27,8 +27,9 @@ h1 { font-size: 1.5rem; } h2 { margin-top: 2.5rem; border-top: 1px solid var(--l
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(32rem, 100%), 1fr)); gap: 1rem; }
 svg { width: 100%; height: auto; display: block; } .table { overflow-x: auto; }
 figure { margin: 2.5rem 0; } .pictures { display: flex; flex-wrap: wrap; gap: .75rem; align-items: flex-end; }
-.pictures > .square { flex: 1 1 min(13rem, 45%); max-width: 22rem; } .pictures > .upright { flex: 1 1 15rem; max-width: 24rem; }
-.pictures > .wide { flex: 1 1 min(26rem, 100%); max-width: 44rem; } .pictures > .broad { flex: 1 1 100%; overflow-x: auto; } .broad svg { min-width: 46rem; }
+.pictures > .square { flex: 0 0 min(12.2rem, 47%); } .pictures > .upright { flex: 0 1 18rem; }
+.pictures > .wide { flex: 1 1 26rem; max-width: 40rem; } .pictures > .broad { flex: 1 1 100%; overflow-x: auto; } .broad svg { min-width: 46rem; }
+.pictures > i { flex-basis: 100%; height: 0; } polyline { stroke-linejoin: round; } @media (max-width: 40rem) { .pictures > .wide, .pictures > .upright { flex-basis: 100%; } }
 .pictures p { margin: 0; font-size: .8rem; color: var(--soft); text-align: center; } figcaption { max-width: 60rem; }
 pre { background: #f1f4f7; padding: .5rem .75rem; border-radius: 3px; font-size: .8rem; white-space: pre-wrap; overflow-wrap: anywhere; max-width: 60rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .85rem; white-space: nowrap; }
@@ -95,8 +96,9 @@ fn figure(it: &Figure) -> String {
             .id
             .map_or_else(String::new, |id| format!(" id=\"{id}\""));
         let Picture { svg, caption, .. } = picture;
+        let break_before = if picture.begins_row { "<i></i>" } else { "" };
         format!(
-            "<div{id} class=\"{}\">{svg}<p>{}</p></div>",
+            "{break_before}<div{id} class=\"{}\">{svg}<p>{}</p></div>",
             shape_of(svg),
             escaped(caption)
         )
@@ -119,7 +121,7 @@ fn shape_of(svg: &str) -> &'static str {
     };
     let ratio = side("width").zip(side("height"));
     match ratio.map_or(1.0, |(width, height)| width / height) {
-        2.0.. => "broad",
+        2.3.. => "broad",
         1.3.. => "wide",
         1.05.. => "upright",
         _ => "square",

@@ -55,7 +55,7 @@ pub(super) fn font(size: u32) -> TextStyle<'static> {
 fn label(value: f64) -> String {
     let size = value.abs();
     match size {
-        0.0 => "0".to_owned(),
+        0.0..1e-9 => "0".to_owned(),
         1000.0.. => format!("{:.0}k", value / 1000.0),
         _ => format!("{}", (value * 1e6).round() / 1e6),
     }

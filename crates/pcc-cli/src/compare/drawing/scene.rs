@@ -6,6 +6,7 @@ use pcc_model::{Configuration, Point, Robot, SECTIONS};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// Side of a picture, pixels.
 const SIDE: i32 = 560;
@@ -125,16 +126,21 @@ impl<'a> Scene3d<'a> {
     /// The robot in a configuration.
     pub(crate) fn body(&mut self, configuration: &Configuration, colour: RGBColor) {
         let backbone = self.robot.backbone(configuration);
-        for section in 0..SECTIONS {
+        for (section, shade) in SECTION_SHADES.into_iter().enumerate() {
             let width = 2.0 * self.robot.tube_radii[section] * self.camera.scale;
-            let shade = SECTION_SHADES[section];
             for piece in 0..PIECES {
-                // A chord more on both sides hides the seams.
-                let first = (piece * CHORDS).saturating_sub(usize::from(piece > 0));
-                let last = ((piece + 1) * CHORDS + 1).min(PIECES * CHORDS);
                 let at = |chord| chord as f64 / (PIECES * CHORDS) as f64;
-                let points = (first..=last).map(|chord| backbone.point(section, at(chord)));
-                self.tube(&points.collect::<Vec<_>>(), width, shaded(colour, shade));
+                let first = piece * CHORDS;
+                let chords = first.saturating_sub(1)..=(first + CHORDS + 1).min(PIECES * CHORDS);
+                let outline = first - chords.start();
+                let points = chords.map(|chord| backbone.point(section, at(chord)));
+                let points: Vec<Point> = points.collect();
+                self.tube(
+                    &points,
+                    outline..outline + CHORDS + 1,
+                    width,
+                    shaded(colour, shade),
+                );
             }
         }
         let tip = backbone.tip();
@@ -143,19 +149,27 @@ impl<'a> Scene3d<'a> {
         self.disc(&tip, radius, shaded(colour, 0.25), 0.02);
     }
 
-    fn tube(&mut self, points: &[Point], width: f64, colour: RGBColor) {
-        let depth = self.depth(points);
+    /// A piece of a tube through these points. The outline is of a part of them; what is within goes on to both sides and hides the seams.
+    fn tube(&mut self, points: &[Point], outline: Range<usize>, width: f64, colour: RGBColor) {
+        let depth = self.depth(&points[outline.clone()]);
         for (layer, (share, shift, shade)) in LAYERS.into_iter().enumerate() {
             let shift = shift * width;
             let pixel = |point: &Point| {
                 let (x, y) = self.camera.pixel(point);
                 whole((x - shift, y - shift))
             };
-            let points = points.iter().map(pixel).collect();
+            let part = if layer == 0 {
+                &points[outline.clone()]
+            } else {
+                points
+            };
             let style = shaded(colour, shade).stroke_width((share * width).round() as u32);
             self.pieces.push(Piece {
                 depth: depth + 1e-6 * layer as f64,
-                shape: Shape::Stroke { points, style },
+                shape: Shape::Stroke {
+                    points: part.iter().map(pixel).collect(),
+                    style,
+                },
             });
         }
     }

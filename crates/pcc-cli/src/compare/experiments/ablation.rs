@@ -50,7 +50,11 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     ] {
         for (index, panel) in panels.iter().enumerate() {
             let drawn = picture(set, panel)?;
-            pictures.push(if index == 0 { drawn.with_id(id) } else { drawn });
+            pictures.push(if index == 0 {
+                drawn.in_new_row().with_id(id)
+            } else {
+                drawn
+            });
         }
     }
     Ok(Figure {

@@ -47,7 +47,7 @@ fn medians(bench: &Bench, name: PlannerName, cases: usize) -> anyhow::Result<Vec
     let loaded = bench.planner(name)?;
     let settings = json!({ "cases": cases, "counts": COUNTS });
     let file = format!("candidates-{}", name_of(&name));
-    bench.keep(&file, &loaded.records, settings, || {
+    bench.keep(&file, &loaded.records, &settings, || {
         let set = bench.cases(&CaseSet::REFERENCE, cases)?;
         let mut points = Vec::new();
         for candidates in COUNTS {

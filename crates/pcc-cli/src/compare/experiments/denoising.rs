@@ -23,7 +23,7 @@ const START_DIGITS: f64 = 1e3;
 /// Candidates.
 const DRAWS: u64 = 10;
 /// Steps of the paper's sampler at which its paths are shown.
-const SHOWN: [usize; 6] = [0, 10, 20, 30, 40, 50];
+const SHOWN: [usize; 6] = [0, 20, 34, 42, 46, 50];
 /// Waypoints whose bodies are shown.
 const BODIES: [usize; 4] = [0, 21, 42, 63];
 /// Every so many-th waypoint's tip is kept.
@@ -60,8 +60,8 @@ impl Traces {
         let loaded = bench.planner(task.planner)?;
         let start: [f64; DOF] = task.start.into();
         let balls: Vec<[f64; 4]> = task.balls.iter().map(numbers).collect();
-        let settings = json!({ "start": start, "target": words(&task.target), "balls": balls, "draws": DRAWS });
-        bench.keep(name, &loaded.records, settings, || {
+        let settings = json!({ "start": start, "target": words(&task.target), "balls": balls, "draws": DRAWS, "shown": SHOWN });
+        bench.keep(name, &loaded.records, &settings, || {
             let sampler = task.planner.sampler();
             let guidance = sampler.and_then(Guidance::of).context("no diffusion")?;
             let problem = Problem {
@@ -161,6 +161,7 @@ pub(super) fn from_two_starts(bench: &Bench) -> anyhow::Result<Figure> {
         };
         pictures.extend(drawn.map(|(index, picture)| Picture {
             id: (index == 0).then_some(id),
+            begins_row: index == 0,
             caption: format!("{start} start, {}", picture.caption),
             ..picture
         }));

@@ -61,7 +61,7 @@ impl Hardware {
     /// Carries out the demonstration and records it, where it is not kept already.
     pub(super) fn read(bench: &Bench) -> anyhow::Result<Self> {
         let records = bench.planner(PlannerName::Default)?.records;
-        bench.keep("hardware", &records, json!({ "samples": SAMPLES }), || {
+        bench.keep("hardware", &records, &json!({ "samples": SAMPLES }), || {
             let folder = bench.arguments.out.join("demo");
             if folder.exists() {
                 fs::remove_dir_all(&folder)?;
@@ -131,7 +131,11 @@ impl Hardware {
             .iter()
             .zip(ids.into_iter().zip(["first solution", "second solution"]))
         {
-            pictures.push(run.bodies_of(bench, &[], 0, name)?.with_id(bodies));
+            pictures.push(
+                run.bodies_of(bench, &[], 0, name)?
+                    .in_new_row()
+                    .with_id(bodies),
+            );
             let drawn = run.curves()?.with_id(curves);
             pictures.push(Picture {
                 caption: format!("{name}: {}", drawn.caption),
@@ -303,9 +307,13 @@ impl Run {
                 .map(|it| (it.time_s, of(it)[component]))
                 .collect()
         };
-        let measured = (0..DOF).map(|component| {
-            let points = line(component, |it| &it.measured);
-            Line::curve(&component_name(component), points, COLOURS[component])
+        let measured = (0..DOF).map(|component| Line {
+            width: 4,
+            ..Line::curve(
+                &component_name(component),
+                line(component, |it| &it.measured),
+                COLOURS[component],
+            )
         });
         let commanded = (0..DOF).map(|component| Line {
             width: 1,

@@ -22,7 +22,7 @@ pub(super) struct Kept<T> {
 /// The data of a file, which are made where it is not there; an error where they were made by other settings.
 pub(super) fn keep<T: Serialize + DeserializeOwned>(
     file: &Path,
-    settings: Value,
+    settings: &Value,
     make: impl FnOnce() -> anyhow::Result<T>,
 ) -> anyhow::Result<Kept<T>> {
     let name = file.display();
@@ -42,7 +42,7 @@ pub(super) fn keep<T: Serialize + DeserializeOwned>(
     let kept: Kept<T> =
         serde_json::from_str(&text).with_context(|| format!("{name}: remove it"))?;
     ensure!(
-        kept.settings == settings,
+        kept.settings == *settings,
         "{name} was made by other settings: {}\nthese are: {settings}\nchoose another --out, or remove the file",
         kept.settings
     );
@@ -58,12 +58,12 @@ mod tests {
     fn data_are_made_once_and_refused_with_other_settings() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("numbers.json");
-        let made = keep(&file, json!(1), || Ok(vec![0.1, 1.0 / 3.0])).unwrap();
-        let again = keep(&file, json!(1), || -> anyhow::Result<Vec<f64>> {
+        let made = keep(&file, &json!(1), || Ok(vec![0.1, 1.0 / 3.0])).unwrap();
+        let again = keep(&file, &json!(1), || -> anyhow::Result<Vec<f64>> {
             anyhow::bail!("made twice")
         });
         assert_eq!(made.data, again.unwrap().data);
-        let other = keep(&file, json!(2), || Ok(vec![0.0]));
+        let other = keep(&file, &json!(2), || Ok(vec![0.0]));
         assert!(other.err().unwrap().to_string().contains("other settings"));
     }
 }

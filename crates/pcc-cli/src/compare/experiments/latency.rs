@@ -24,7 +24,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     let requests = bench.scale(2_000, 20_000);
     let records = bench.planner(PlannerName::Default)?.records;
     let settings = json!({ "requests": requests });
-    let measured: Measured = bench.keep("latency", &records, settings, || {
+    let measured: Measured = bench.keep("latency", &records, &settings, || {
         let folder = bench.arguments.out.join("latency");
         let processes = Processes::start(&folder)?;
         let [stamps, plot] = ["stamps.txt", "plot.svg"].map(|name| folder.join(name));

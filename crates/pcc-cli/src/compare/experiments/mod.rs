@@ -44,6 +44,8 @@ pub(super) struct Figure {
 pub(super) struct Picture {
     /// Its anchor, where it has one of its own.
     pub(super) id: Option<&'static str>,
+    /// Whether it begins a row of its own.
+    pub(super) begins_row: bool,
     pub(super) svg: String,
     pub(super) caption: String,
 }
@@ -52,8 +54,16 @@ impl Picture {
     fn new(svg: String, caption: impl Into<String>) -> Self {
         Self {
             id: None,
+            begins_row: false,
             svg,
             caption: caption.into(),
+        }
+    }
+
+    fn in_new_row(self) -> Self {
+        Self {
+            begins_row: true,
+            ..self
         }
     }
 
@@ -96,7 +106,7 @@ impl<'a> Bench<'a> {
         &self,
         name: &str,
         models: &ModelRecords,
-        settings: Value,
+        settings: &Value,
         make: impl FnOnce() -> anyhow::Result<T>,
     ) -> anyhow::Result<T> {
         let file = self
@@ -111,7 +121,7 @@ impl<'a> Bench<'a> {
             "models": models, "robot": self.robot.name, "seed": self.arguments.seed,
             "threads": self.arguments.threads, "of": settings,
         });
-        let kept = kept::keep(&file, settings, make)?;
+        let kept = kept::keep(&file, &settings, make)?;
         self.note(kept.seconds);
         Ok(kept.data)
     }

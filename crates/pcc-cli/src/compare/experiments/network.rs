@@ -6,7 +6,7 @@ use denoiser::{Manifest, WeightsFile};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-const SIZE: (u32, u32) = (1120, 470);
+const SIZE: (u32, u32) = (1140, 460);
 
 /// A part of the network: the tensors whose names begin so, and where it is drawn.
 struct Part {
@@ -38,36 +38,37 @@ const PARTS: [Part; 14] = [
     part("start.", "start", (20, 100), (170, 60), 4),
     part("goal.", "target tip", (20, 180), (170, 60), 4),
     part("graph.", "obstacle graph", (20, 260), (170, 60), 4),
-    part("context.", "context (added)", (240, 140), (160, 60), 5),
-    part("stem.", "stem", (240, 330), (110, 60), 0),
-    part("down.0.", "down 0", (380, 330), (110, 60), 0),
-    part("down.1.", "down 1", (520, 350), (110, 60), 0),
-    part("down.2.", "down 2", (660, 370), (110, 60), 0),
-    part("middle.", "middle", (800, 370), (110, 60), 0),
-    part("up.1.", "up 1", (800, 220), (110, 60), 2),
-    part("up.0.", "up 0", (930, 220), (110, 60), 2),
-    part("final.", "final: noise", (930, 80), (150, 60), 2),
-    part("normalisation.", "normalisation", (240, 20), (160, 60), 6),
+    part("context.", "context (sum)", (260, 140), (150, 60), 5),
+    part("stem.", "stem", (260, 350), (110, 60), 0),
+    part("down.0.", "down 0", (410, 350), (110, 60), 0),
+    part("down.1.", "down 1", (560, 350), (110, 60), 0),
+    part("down.2.", "down 2", (710, 350), (110, 60), 0),
+    part("middle.", "middle", (860, 350), (110, 60), 0),
+    part("up.1.", "up 1", (860, 140), (110, 60), 2),
+    part("up.0.", "up 0", (1010, 140), (110, 60), 2),
+    part("final.", "final: noise", (1010, 20), (110, 60), 2),
+    part("normalisation.", "normalisation", (260, 20), (150, 60), 6),
 ];
 
-/// What feeds what, by the parts' tensors.
-const ARROWS: [(&str, &str); 16] = [
-    ("time.", "context."),
-    ("start.", "context."),
-    ("goal.", "context."),
-    ("graph.", "context."),
-    ("stem.", "down.0."),
-    ("down.0.", "down.1."),
-    ("down.1.", "down.2."),
-    ("down.2.", "middle."),
-    ("middle.", "up.1."),
-    ("up.1.", "up.0."),
-    ("up.0.", "final."),
-    ("context.", "down.0."),
-    ("context.", "down.1."),
-    ("context.", "down.2."),
-    ("context.", "middle."),
-    ("context.", "up.1."),
+/// What feeds what: lines that end in a dot. The context goes along a line of its own to every block.
+const FEEDS: [&[(i32, i32)]; 17] = [
+    &[(190, 50), (260, 155)],
+    &[(190, 130), (260, 165)],
+    &[(190, 210), (260, 175)],
+    &[(190, 290), (260, 185)],
+    &[(370, 380), (410, 380)],
+    &[(520, 380), (560, 380)],
+    &[(670, 380), (710, 380)],
+    &[(820, 380), (860, 380)],
+    &[(930, 350), (930, 200)],
+    &[(970, 170), (1010, 170)],
+    &[(1065, 140), (1065, 80)],
+    &[(335, 200), (335, 275), (450, 275), (450, 350)],
+    &[(450, 275), (600, 275), (600, 350)],
+    &[(600, 275), (750, 275), (750, 350)],
+    &[(750, 275), (890, 275), (890, 350)],
+    &[(890, 275), (890, 200)],
+    &[(890, 275), (1065, 275), (1065, 200)],
 ];
 
 pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
@@ -76,13 +77,9 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     let updates = manifest.entry("mixed")?.updates;
     let total: usize = file.shapes().map(|(_, shape)| numbers(shape)).sum();
     let drawn = svg(SIZE, |area| {
-        let find = |tensors| PARTS.iter().find(|part| part.tensors == tensors);
-        for (from, to) in ARROWS {
-            if let (Some(from), Some(to)) = (find(from), find(to)) {
-                let arrow = [from.edge(to), to.edge(from)];
-                area.draw(&PathElement::new(arrow, GREY.stroke_width(2)))?;
-                area.draw(&Circle::new(arrow[1], 4, GREY.filled()))?;
-            }
+        for feed in FEEDS {
+            area.draw(&PathElement::new(feed.to_vec(), GREY.stroke_width(2)))?;
+            area.draw(&Circle::new(feed[feed.len() - 1], 4, GREY.filled()))?;
         }
         for part in &PARTS {
             let (x, y) = part.corner;
@@ -102,10 +99,10 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     Ok(Figure {
         id: "network",
         title: "The paper's network, from the committed weights",
-        pictures: vec![Picture::new(drawn, "parts with their numbers of parameters; dots mark where arrows end")],
+        pictures: vec![Picture::new(drawn, "parts with their numbers of parameters; what feeds what ends in a dot")],
         caption: format!(
             "Diffusion step, start, target tip and obstacle graph are embedded and added to one context, which scales and shifts every block of a temporal \
-             U-Net over 64 waypoints (channels 64, 128, 256). It estimates the noise. Each number is counted from the tensors of \
+             U-Net over 64 waypoints (channels 64, 128, 256; blocks down pass what they have on to those up). It estimates the noise. Each number is counted from the tensors of \
              <code>weights/mixed.safetensors</code>: {total} numbers in all, trained for {updates} updates."
         ),
         command: "python3 -c \"import json, struct; f = open('weights/mixed.safetensors', 'rb'); \
@@ -127,18 +124,6 @@ impl Part {
         match count {
             1000.. => format!("{:.0}k", count as f64 / 1000.0),
             _ => count.to_string(),
-        }
-    }
-
-    /// The middle of the side that is nearest to another part.
-    fn edge(&self, other: &Self) -> (i32, i32) {
-        let middle = |it: &Self| (it.corner.0 + it.size.0 / 2, it.corner.1 + it.size.1 / 2);
-        let (own, theirs) = (middle(self), middle(other));
-        let (x, y) = (theirs.0 - own.0, theirs.1 - own.1);
-        let is_beside = x.abs() * self.size.1 > y.abs() * self.size.0;
-        match is_beside {
-            true => (own.0 + x.signum() * self.size.0 / 2, own.1),
-            false => (own.0, own.1 + y.signum() * self.size.1 / 2),
         }
     }
 }

@@ -31,7 +31,6 @@ const DRAWS: usize = 10;
 const CASES: usize = 20;
 /// Bodies of a motion.
 const BODIES: usize = 6;
-const AZIMUTH: f64 = -0.3 * PI;
 const ELEVATION: f64 = 0.16 * PI;
 
 /// A case and what was drawn for it.
@@ -98,7 +97,10 @@ impl Solved {
             ]
         });
         let balls = self.balls().into_iter().map(|it| (it.centre, it.radius));
-        Camera::fitting(AZIMUTH, ELEVATION, tips.map(|tip| (tip, 0.22)).chain(balls))
+        let way = Point::from(self.target) - bench.robot.tip(&Configuration::from(self.start));
+        // The tip goes from left to right.
+        let azimuth = way.y.atan2(way.x) - 0.5 * PI;
+        Camera::fitting(azimuth, ELEVATION, tips.map(|tip| (tip, 0.22)).chain(balls))
     }
 
     fn scene<'a>(&self, bench: &'a Bench, camera: Camera) -> Scene3d<'a> {
@@ -196,7 +198,7 @@ pub(super) fn component_name(component: usize) -> String {
 pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     let loaded = bench.planner(PlannerName::Diffusion)?;
     let settings = json!({ "draws": DRAWS, "cases": CASES });
-    let solved: Vec<Solved> = bench.keep("solutions", &loaded.records, settings, || {
+    let solved: Vec<Solved> = bench.keep("solutions", &loaded.records, &settings, || {
         SCENES
             .iter()
             .map(|(balls, _)| Solved::of(bench, &loaded, &case_of(bench, *balls)?))
@@ -215,14 +217,14 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         ["solution-two", "solution-two-curves"],
     ];
     for (index, [motion, curves]) in chosen.into_iter().zip(ids) {
-        pictures.push(two.motion(bench, index)?.with_id(motion));
+        pictures.push(two.motion(bench, index)?.in_new_row().with_id(motion));
         pictures.push(two.curves(index)?.with_id(curves));
     }
     let start: Vec<String> = two.start.iter().map(|it| format!("{it:.5}")).collect();
     let balls: Vec<String> = two
         .balls()
         .iter()
-        .map(|it| format!("--ball {} {}", words(&it.centre), it.radius))
+        .map(|it| format!("--ball {} {:.4}", words(&it.centre), it.radius))
         .collect();
     Ok(Figure {
         id: "solutions",

@@ -78,7 +78,7 @@ fn measure(
         let candidates = bench.arguments.candidates;
         let settings = json!({ "cases": cases, "candidates": candidates });
         let name = format!("steps-{option}-{steps}");
-        points.push(bench.keep(&name, &loaded.records, settings, || {
+        points.push(bench.keep(&name, &loaded.records, &settings, || {
             let asked = Asked {
                 planner: PLANNER,
                 candidates,

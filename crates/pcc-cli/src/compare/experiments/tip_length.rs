@@ -6,6 +6,13 @@ use crate::compare::records::{Answered, SetRecords};
 use crate::sampler::{PlannerName, name_of};
 use anyhow::Context;
 
+/// Planners that are left out of the first picture: others of their kind are beside them.
+const LEFT_OUT: [PlannerName; 4] = [
+    PlannerName::Diffusion,
+    PlannerName::DiffusionGuided,
+    PlannerName::CRrtStar,
+    PlannerName::WRrtStar,
+];
 /// Planners whose motions are told apart.
 const MOTIONS_OF: [PlannerName; 3] = [
     PlannerName::Default,
@@ -20,8 +27,11 @@ pub(super) fn figure(sets: &[SetRecords]) -> anyhow::Result<Figure> {
         .iter()
         .find(|it| it.set == "general")
         .context("no general cases")?;
-    let lines = set.answered.iter().zip(0..).filter_map(|(it, index)| {
-        let colour = COLOURS[index % COLOURS.len()];
+    let shown = set
+        .answered
+        .iter()
+        .filter(|it| !LEFT_OUT.contains(&it.planner));
+    let lines = shown.zip(COLOURS).filter_map(|(it, colour)| {
         Some(Line::scatter(
             &name_of(&it.planner),
             vec![trade(it)?],
