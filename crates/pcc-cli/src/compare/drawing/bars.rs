@@ -1,6 +1,6 @@
 //! Bars of a mean with the 5th and 95th percentiles.
 
-use super::{Drawn, GREY, INK, font, label, svg};
+use super::canvas::{Drawn, GREY, INK, font, label, svg};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 

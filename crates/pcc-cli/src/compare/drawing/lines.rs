@@ -1,6 +1,6 @@
 //! Curves and points over an axis, their names beside them.
 
-use super::{Area, Drawn, GREY, INK, font, label, svg};
+use super::canvas::{Area, Drawn, GREY, INK, font, label, svg};
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};

@@ -1,6 +1,6 @@
 //! A scene in 3D by parallel projection: bodies as shaded tubes, balls, tip paths, marks; what is nearer covers what is farther.
 
-use super::{Area, Drawn, GREY, INK, font, svg};
+use super::canvas::{Area, Drawn, GREY, INK, font, svg};
 use collision::Ball;
 use pcc_model::{Configuration, Point, Robot, SECTIONS};
 use plotters::prelude::*;

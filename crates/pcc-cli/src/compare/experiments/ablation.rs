@@ -1,6 +1,7 @@
 //! What guidance is worth: without it, with post correction, with guided prediction.
 
-use super::{Bench, Figure, Picture};
+use super::bench::Bench;
+use super::figure::{Figure, Picture};
 use crate::compare::case_log::{CaseRecord, DrawnRecord};
 use crate::compare::case_sets::CaseSet;
 use crate::compare::drawing::{Bar, Bars, COLOURS};

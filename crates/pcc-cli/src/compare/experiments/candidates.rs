@@ -1,6 +1,7 @@
 //! Time of a request against the number of its candidates.
 
-use super::{Bench, Figure, Picture};
+use super::bench::Bench;
+use super::figure::{Figure, Picture};
 use crate::compare::case_sets::CaseSet;
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
 use crate::evaluate::{Asked, answer};

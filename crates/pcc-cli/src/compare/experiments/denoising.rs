@@ -1,14 +1,14 @@
 //! How noise becomes a path: from a random and from the straight start, and around a ball.
 
+use super::bench::Bench;
+use super::figure::{Figure, Picture, words};
 use super::hardware::Hardware;
-use super::{Bench, Figure, Picture, words};
-use crate::compare::drawing::{COLOURS, Camera, GREY, Scene3d};
+use crate::compare::drawing::{COLOURS, Camera, GREY, Scene3d, blend};
 use crate::sampler::PlannerName;
 use anyhow::Context;
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, DOF, Point};
 use planning::{Goal, Guidance, MovingObstacles, Problem, WAYPOINTS, random_configuration};
-use plotters::style::RGBColor;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
@@ -237,13 +237,6 @@ pub(super) fn around_a_ball(bench: &Bench, hardware: &Hardware) -> anyhow::Resul
 
 fn numbers(ball: &Ball) -> [f64; 4] {
     [ball.centre.x, ball.centre.y, ball.centre.z, ball.radius]
-}
-
-/// A colour between two.
-pub(super) fn blend(from: RGBColor, to: RGBColor, share: f64) -> RGBColor {
-    let part =
-        |from: u8, to: u8| (f64::from(from) * (1.0 - share) + f64::from(to) * share).round() as u8;
-    RGBColor(part(from.0, to.0), part(from.1, to.1), part(from.2, to.2))
 }
 
 const _: () = assert!(BODIES[BODIES.len() - 1] == WAYPOINTS - 1);

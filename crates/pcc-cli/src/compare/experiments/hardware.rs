@@ -1,10 +1,10 @@
 //! The paper's hardware experiments on the simulated robot, from a record: measured configurations beside commanded ones.
 
-use super::denoising::blend;
+use super::bench::Bench;
+use super::figure::{Figure, Picture};
 use super::processes::Processes;
 use super::solutions::component_name;
-use super::{Bench, Figure, Picture};
-use crate::compare::drawing::{Axis, COLOURS, Camera, GREY, INK, Line, Lines, Scene3d};
+use crate::compare::drawing::{Axis, COLOURS, Camera, GREY, INK, Line, Lines, Scene3d, blend};
 use crate::replay::Recording;
 use crate::sampler::PlannerName;
 use anyhow::{Context, ensure};

@@ -1,7 +1,8 @@
 //! How long plans take through the daemon.
 
+use super::bench::Bench;
+use super::figure::{Figure, Picture};
 use super::processes::Processes;
-use super::{Bench, Figure, Picture};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
 use crate::sampler::PlannerName;
 use anyhow::Context;

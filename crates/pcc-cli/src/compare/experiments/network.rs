@@ -1,6 +1,7 @@
 //! The paper's network, as the weights' tensors say it.
 
-use super::{Bench, Figure, Picture};
+use super::bench::Bench;
+use super::figure::{Figure, Picture};
 use crate::compare::drawing::{COLOURS, Drawn, GREY, INK, font, svg};
 use denoiser::{Manifest, WeightsFile};
 use plotters::prelude::*;

@@ -1,6 +1,7 @@
 //! The paper's comparison of planners: success and time.
 
-use super::{Bench, Figure, Picture};
+use super::bench::Bench;
+use super::figure::{Figure, Picture};
 use crate::compare::bootstrap::Interval;
 use crate::compare::case_log::CaseRecord;
 use crate::compare::case_sets::CaseSet;

@@ -1,9 +1,9 @@
 //! Several solutions of one case: scenes of none to four balls, the bodies at their ends, and two motions with their six curves.
 
-use super::denoising::blend;
-use super::{Bench, Figure, Picture, words};
+use super::bench::Bench;
+use super::figure::{Figure, Picture, words};
 use crate::compare::case_sets::CaseSet;
-use crate::compare::drawing::{Axis, COLOURS, Camera, GREY, Line, Lines, Scene3d};
+use crate::compare::drawing::{Axis, COLOURS, Camera, GREY, Line, Lines, Scene3d, blend};
 use crate::evaluate::{Asked, answer};
 use crate::planner::Loaded;
 use crate::sampler::PlannerName;

@@ -1,6 +1,7 @@
 //! Success and time of the paper's sampler against its steps.
 
-use super::{Bench, Figure, Picture};
+use super::bench::Bench;
+use super::figure::{Figure, Picture};
 use crate::compare::case_log::CaseRecord;
 use crate::compare::case_sets::CaseSet;
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};

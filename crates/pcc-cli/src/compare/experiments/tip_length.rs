@@ -1,6 +1,6 @@
 //! Time against the length of the tip's path: what planners take for how short a path, and how long motions last.
 
-use super::{Figure, Picture};
+use super::figure::{Figure, Picture};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
 use crate::compare::records::{Answered, SetRecords};
 use crate::sampler::{PlannerName, name_of};

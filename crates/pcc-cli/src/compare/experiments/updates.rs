@@ -1,6 +1,6 @@
 //! Success of the paper's model against the updates of its training, as it was measured on the checkpoints of the committed weights.
 
-use super::{Figure, Picture};
+use super::figure::{Figure, Picture};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
 use anyhow::Context;
 
