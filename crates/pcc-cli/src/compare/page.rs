@@ -29,6 +29,7 @@ svg { width: 100%; height: auto; display: block; } .table { overflow-x: auto; }
 figure { margin: 2.5rem 0; } .pictures { display: flex; flex-wrap: wrap; gap: .75rem; align-items: flex-end; }
 .pictures > .square { flex: 0 0 min(12.2rem, 47%); } .pictures > .upright { flex: 0 1 18rem; }
 .pictures > .wide { flex: 1 1 26rem; max-width: 40rem; } .pictures > .broad { flex: 1 1 100%; overflow-x: auto; } .broad svg { min-width: 46rem; }
+.pictures:has(> .wide) > .square { flex-basis: min(14.9rem, 47%); } .pictures > i + .square:last-child, .pictures > i + .square:has(+ .wide) { flex-basis: min(20rem, 100%); }
 .pictures > i { flex-basis: 100%; height: 0; } polyline { stroke-linejoin: round; } @media (max-width: 40rem) { .pictures > .wide, .pictures > .upright { flex-basis: 100%; } }
 .pictures p { margin: 0; font-size: .8rem; color: var(--soft); text-align: center; } figcaption { max-width: 60rem; }
 pre { background: #f1f4f7; padding: .5rem .75rem; border-radius: 3px; font-size: .8rem; white-space: pre-wrap; overflow-wrap: anywhere; max-width: 60rem; }

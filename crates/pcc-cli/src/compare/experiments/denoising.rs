@@ -214,7 +214,7 @@ pub(super) fn around_a_ball(bench: &Bench, hardware: &Hardware) -> anyhow::Resul
     };
     let traces = Traces::of(bench, "around-a-ball", &task)?;
     let mut pictures = traces.pictures(bench, &task, false)?;
-    pictures.push(run.bodies(bench, &task.balls)?);
+    pictures.push(run.bodies(bench, &task.balls)?.in_new_row());
     let start: Vec<String> = task.start.iter().map(|it| format!("{it:.5}")).collect();
     Ok(Figure {
         id: "around-a-ball",

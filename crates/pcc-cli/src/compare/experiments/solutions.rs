@@ -237,7 +237,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
              six components."
         ),
         command: format!(
-            "pcc compare --quick --out out/compare   # one path: pcc trace --planner diffusion --tip {} --start {} {} --out solution.npz",
+            "pcc compare --quick --out out/compare\n# one path of the case with one ball: pcc trace --planner diffusion --tip {} --start {} {} --out solution.npz",
             words(&Point::from(two.target)),
             start.join(" "),
             balls.join(" ")
