@@ -6,7 +6,7 @@ use super::drawing::{Area, COLOURS, Drawn, GREY as OTHERS, INK, svg};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-const WIDTH: u32 = 620;
+const WIDTH: u32 = 520;
 /// Height of a row, of the title and of the axis, pixels.
 const ROW: u32 = 24;
 const TITLE: u32 = 34;
