@@ -19,6 +19,9 @@ enum Shape {
     Voxels(Box<Voxels>),
 }
 
+/// Triangles around a capsule's axis, and from one of its ends to the other: for pictures.
+const CAPSULE_PARTS: [u32; 2] = [32, 16];
+
 /// A solid obstacle at rest; its inside counts.
 #[derive(Clone, Debug)]
 pub struct Solid {
@@ -151,6 +154,20 @@ impl Solid {
             point: self.pose.transform_point(surface).into(),
             away: self.pose.transform_vector(away).into(),
         }
+    }
+
+    /// The surface as triangles, for pictures: vertices (base frame) and the indices of three for each triangle, counter-clockwise as seen
+    /// from outside. Those of a capsule lie inside its round surface by 1 % of its radius at most.
+    #[must_use]
+    pub fn surface(&self) -> (Vec<Point>, Vec<[u32; 3]>) {
+        let (vertices, triangles) = match &self.shape {
+            Shape::Capsule(capsule) => capsule.to_trimesh(CAPSULE_PARTS[0], CAPSULE_PARTS[1]),
+            Shape::Cuboid(cuboid) => cuboid.to_trimesh(),
+            Shape::Mesh(mesh) => (mesh.vertices().to_vec(), mesh.indices().to_vec()),
+            Shape::Voxels(voxels) => voxels.surface(),
+        };
+        let place = |vertex| self.pose.transform_point(vertex).into();
+        (vertices.into_iter().map(place).collect(), triangles)
     }
 
     /// A lower bound of the distance from a point (base frame); negative near and inside.

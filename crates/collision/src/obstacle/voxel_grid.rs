@@ -82,6 +82,12 @@ impl Voxels {
         self.surface.local_aabb()
     }
 
+    /// Vertices, and triangles as seen from outside in either order around them.
+    pub(crate) fn surface(&self) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let surface = &self.surface;
+        (surface.vertices().to_vec(), surface.indices().to_vec())
+    }
+
     /// The nearest point of the surface, and whether the point is in a filled cell.
     pub(crate) fn nearest(&self, point: DVec3) -> (DVec3, bool) {
         let cell = (point / self.grid.cell).floor();

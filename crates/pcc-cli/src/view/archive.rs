@@ -1,6 +1,7 @@
 //! A case of an evaluation's `paths.npz`.
 
-use super::page::{BallTrack, Body, Curves, Mark, Motion, Samples, View, clearance_range, sampled};
+use super::page::{Body, Curves, Mark, Motion, Samples, View, clearance_range, sampled};
+use super::surroundings::{BallTrack, Surroundings};
 use crate::robot::unit_robot;
 use anyhow::ensure;
 use datasets::ArchiveReader;
@@ -14,7 +15,12 @@ const SAMPLES: usize = 200;
 /// Names of the sources by the number in `source`.
 const SOURCES: [&str; 4] = ["nothing", "learned", "classical", "explored"];
 
-pub(super) fn read(file: &Path, case: usize, robot: &Path) -> anyhow::Result<View> {
+pub(super) fn read(
+    file: &Path,
+    case: usize,
+    robot: &Path,
+    scene: Option<&Path>,
+) -> anyhow::Result<View> {
     let robot = unit_robot(robot)?;
     let mut archive = ArchiveReader::open(file)?;
     let shape = archive.shape("knots")?.to_vec();
@@ -49,15 +55,15 @@ pub(super) fn read(file: &Path, case: usize, robot: &Path) -> anyhow::Result<Vie
         ));
     }
     let duration_s = motions.iter().map(|it| it.1.duration()).fold(0.0, f64::max);
-    let balls: Vec<BallTrack> = (first..end)
-        .map(|ball| BallTrack {
-            centre: std::array::from_fn(|axis| centres[3 * ball + axis]),
-            velocity: [0.0; 3],
-            radius: radii[ball],
-            from_s: 0.0,
-            until_s: duration_s,
-        })
-        .collect();
+    let mut around = Surroundings::of_file(scene, robot.section_length_m())?;
+    let balls = (first..end).map(|ball| BallTrack {
+        centre: std::array::from_fn(|axis| centres[3 * ball + axis]),
+        velocity: [0.0; 3],
+        radius: radii[ball],
+        from_s: 0.0,
+        until_s: duration_s,
+    });
+    around.tracks.extend(balls);
     let body = Body {
         section_lengths: robot.section_lengths,
         tube_radii: robot.tube_radii,
@@ -67,13 +73,11 @@ pub(super) fn read(file: &Path, case: usize, robot: &Path) -> anyhow::Result<Vie
     let fastest = fastest.map(|(index, _)| index);
     let curves = fastest.map(|index| tendons(&robot, &motions[index].1));
     let shown = motions.iter().enumerate().map(|(index, (name, motion))| {
-        Motion::new(
-            name.clone(),
-            Some(index) == fastest,
-            &sampled(motion, 0.0, SAMPLES),
-            &body,
-            &balls,
-        )
+        let samples = sampled(motion, 0.0, SAMPLES);
+        Motion {
+            is_selected: Some(index) == fastest,
+            ..Motion::new(name.clone(), &samples, &body, &around)
+        }
     });
     let shown: Vec<Motion> = shown.collect();
     Ok(View {
@@ -82,7 +86,8 @@ pub(super) fn read(file: &Path, case: usize, robot: &Path) -> anyhow::Result<Vie
         clearance_range: clearance_range(&shown, &body),
         robot: body,
         duration_s,
-        balls,
+        balls: around.balls(),
+        solids: around.solids(),
         motions: shown,
         curves: curves.into_iter().collect(),
         marks: Vec::<Mark>::new(),

@@ -1,8 +1,8 @@
 //! What the page shows, and the page: a template, its style and its script, none of which needs a network.
 
+use super::surroundings::{BallTrack, Surface, Surroundings};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use collision::Ball;
 use pcc_model::{Backbone, Configuration, SECTIONS};
 use serde::{Serialize, Serializer};
 use trajectory::Trajectory;
@@ -22,6 +22,7 @@ pub(super) struct View {
     /// Clearances at the ends of the colour scale.
     pub(super) clearance_range: [f64; 2],
     pub(super) balls: Vec<BallTrack>,
+    pub(super) solids: Vec<Surface>,
     pub(super) motions: Vec<Motion>,
     pub(super) curves: Vec<Curves>,
     pub(super) marks: Vec<Mark>,
@@ -34,24 +35,14 @@ pub(super) struct Body {
     pub(super) tube_radii: [f64; SECTIONS],
 }
 
-/// A ball that moves evenly from one time to another.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) struct BallTrack {
-    /// At `from_s`.
-    pub(super) centre: [f64; 3],
-    /// A second.
-    pub(super) velocity: [f64; 3],
-    pub(super) radius: f64,
-    pub(super) from_s: f64,
-    pub(super) until_s: f64,
-}
-
 /// A motion of the robot, sampled.
 #[derive(Serialize)]
 pub(super) struct Motion {
     pub(super) name: String,
     /// Whether it is shown from the beginning, and solid.
     pub(super) is_selected: bool,
+    /// Whether the body is shown after its end, too.
+    pub(super) stays: bool,
     pub(super) time_s: Samples,
     /// Six radians a sample.
     pub(super) configurations_rad: Samples,
@@ -96,9 +87,14 @@ impl FromIterator<f64> for Samples {
 }
 
 impl Body {
-    /// Least clearance of a configuration (rad) from balls; NaN where there are none.
-    pub(super) fn clearance(&self, configuration: &Configuration, balls: Vec<Ball>) -> f64 {
-        let Ok(scene) = collision::Scene::new(balls) else {
+    /// Least clearance of a configuration (rad); NaN where there are no obstacles.
+    pub(super) fn clearance(
+        &self,
+        configuration: &Configuration,
+        around: &Surroundings,
+        time_s: f64,
+    ) -> f64 {
+        let Ok(scene) = around.at(time_s) else {
             return f64::NAN;
         };
         let backbone = Backbone::new(&self.section_lengths, configuration);
@@ -111,35 +107,21 @@ impl Body {
     }
 }
 
-impl BallTrack {
-    /// The ball at a time; none while it is not there.
-    pub(super) fn at(&self, time_s: f64) -> Option<Ball> {
-        let is_there = (self.from_s..=self.until_s).contains(&time_s);
-        let since_s = time_s - self.from_s;
-        let centre = |axis| self.centre[axis] + since_s * self.velocity[axis];
-        is_there.then(|| Ball {
-            centre: std::array::from_fn(centre).into(),
-            radius: self.radius,
-        })
-    }
-}
-
 impl Motion {
     /// A motion by its samples.
     pub(super) fn new(
         name: String,
-        is_selected: bool,
         samples: &[(f64, Configuration)],
         body: &Body,
-        balls: &[BallTrack],
+        around: &Surroundings,
     ) -> Self {
         let clearance = |(time_s, configuration): &(f64, Configuration)| {
-            let there = balls.iter().filter_map(|ball| ball.at(*time_s));
-            body.clearance(configuration, there.collect())
+            body.clearance(configuration, around, *time_s)
         };
         Self {
             name,
-            is_selected,
+            is_selected: false,
+            stays: true,
             time_s: samples.iter().map(|it| it.0).collect(),
             configurations_rad: samples.iter().flat_map(|it| it.1.iter().copied()).collect(),
             clearance: samples.iter().map(clearance).collect(),
@@ -174,11 +156,11 @@ pub(super) fn clearance_range(motions: &[Motion], body: &Body) -> [f64; 2] {
     [least.min(0.0), most.min(room).max(least)]
 }
 
-/// The page as HTML.
-pub(super) fn html(view: &View) -> anyhow::Result<String> {
+/// The page as HTML: of a view, or, without one, of what is told at the address `live` beside it.
+pub(super) fn html(title: &str, view: Option<&View>) -> anyhow::Result<String> {
     // In a script element only `</` could end the data, and JSON allows the slash to be escaped.
-    let data = serde_json::to_string(view)?.replace("</", "<\\/");
-    let title = view.title.replace('&', "&amp;").replace('<', "&lt;");
+    let data = serde_json::to_string(&view)?.replace("</", "<\\/");
+    let title = title.replace('&', "&amp;").replace('<', "&lt;");
     let parts = [
         ("{title}", title.as_str()),
         ("{style}", STYLE),
@@ -220,26 +202,14 @@ mod tests {
             duration_s: 1.0,
             clearance_range: [0.0; 2],
             balls: Vec::new(),
+            solids: Vec::new(),
             motions: Vec::new(),
             curves: Vec::new(),
             marks: Vec::new(),
         };
-        let page = html(&view).unwrap();
+        let page = html(&view.title, Some(&view)).unwrap();
         assert!(page.contains("&lt;/script>&lt;b>{data}"));
         assert!(page.contains("<\\/script><b>{data}"));
         assert_eq!(page.matches("id=\"data\"").count(), 1);
-    }
-
-    #[test]
-    fn a_ball_is_where_it_moves_to_while_it_is_there() {
-        let track = BallTrack {
-            centre: [1.0, 0.0, 0.0],
-            velocity: [0.0, 2.0, 0.0],
-            radius: 0.1,
-            from_s: 1.0,
-            until_s: 2.0,
-        };
-        assert_eq!(track.at(1.5).unwrap().centre.as_slice(), [1.0, 1.0, 0.0]);
-        assert!(track.at(0.9).is_none() && track.at(2.1).is_none());
     }
 }

@@ -1,10 +1,13 @@
 //! A record: what was commanded and measured, the motions that were published, and the balls of the live scenes.
 
-use super::page::{BallTrack, Body, Curves, Mark, Motion, Samples, View, clearance_range, sampled};
+use super::page::{Body, Curves, Mark, Motion, Samples, View, clearance_range, sampled};
+use super::surroundings::{BallTrack, Surroundings};
 use crate::replay::{Recording, motion};
 use anyhow::Context;
 use pcc_model::Configuration;
-use shared_types::message::{Cycle, SceneMessage};
+use shared_types::message::{
+    Ball, Cycle, MovingBall, PlanRequest, SceneMessage, TrajectoryMessage,
+};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -15,7 +18,7 @@ const SAMPLES: usize = 100;
 /// Distance by which a ball may be beside where it was foreseen and still move evenly, m.
 const SAME_WAY_M: f64 = 1e-4;
 
-pub(super) fn read(file: &Path) -> anyhow::Result<View> {
+pub(super) fn read(file: &Path, scene: Option<&Path>) -> anyhow::Result<View> {
     let recording = Recording::read(file)?;
     if let Some(reason) = &recording.cut_off {
         say!("the record ends before its end: {reason}");
@@ -34,7 +37,16 @@ pub(super) fn read(file: &Path) -> anyhow::Result<View> {
         section_lengths: robot.section_lengths_m,
         tube_radii: robot.tube_radii_m,
     };
-    let balls = tracks(&recording.scenes, clock, duration_s);
+    let mut around = Surroundings::of_file(scene, 1.0)?;
+    around.tracks = tracks(&recording.scenes, clock, duration_s);
+    for message in &recording.trajectories {
+        let plans = recording.plans.iter();
+        let plan = plans.rfind(|plan| plan.report.plan_id == message.plan_id);
+        if let Some(plan) = plan {
+            let tracks = requested(&plan.request, message, clock)?;
+            around.tracks.extend(tracks);
+        }
+    }
     let every = cycles.len().div_ceil(MOST_SAMPLES);
     let shown: Vec<&Cycle> = cycles.iter().step_by(every).collect();
     let moved = |of: fn(&Cycle) -> [f64; 6]| -> Vec<(f64, Configuration)> {
@@ -44,14 +56,14 @@ pub(super) fn read(file: &Path) -> anyhow::Result<View> {
     let commanded = moved(|cycle| cycle.commanded_configuration_rad);
     let measured = moved(|cycle| cycle.measured_configuration_rad);
     let mut motions = vec![
-        Motion::new("commanded".to_owned(), true, &commanded, &body, &balls),
-        Motion::new("measured".to_owned(), false, &measured, &body, &balls),
+        Motion {
+            is_selected: true,
+            ..Motion::new("commanded".to_owned(), &commanded, &body, &around)
+        },
+        Motion::new("measured".to_owned(), &measured, &body, &around),
     ];
     for message in &recording.trajectories {
-        let begins_s = clock.seconds(message.begin_mono_ns);
-        let samples = sampled(&motion(message)?, begins_s, SAMPLES);
-        let name = format!("motion {}", message.trajectory_id);
-        motions.push(Motion::new(name, false, &samples, &body, &balls));
+        motions.push(published(message, clock, &body, &around)?);
     }
     let switches = cycles.windows(2);
     let switches = switches.filter(|pair| pair[0].trajectory_id != pair[1].trajectory_id);
@@ -64,19 +76,57 @@ pub(super) fn read(file: &Path) -> anyhow::Result<View> {
         clearance_range: clearance_range(&motions, &body),
         robot: body,
         duration_s,
-        balls,
+        balls: around.balls(),
+        solids: around.solids(),
         curves: curves(&shown, clock, robot.tendon_count as usize),
         marks: marks.collect(),
         motions,
     })
 }
 
-/// Seconds since the first cycle.
+/// The balls that a request named, while the motion lasts that it was answered with.
+fn requested(
+    request: &PlanRequest,
+    message: &TrajectoryMessage,
+    clock: Clock,
+) -> anyhow::Result<Vec<BallTrack>> {
+    let from_s = clock.seconds(message.begin_mono_ns);
+    let until_s = from_s + motion(message)?.duration();
+    let count = (request.ball_count as usize).min(request.balls.len());
+    let track = |ball: &Ball| BallTrack {
+        centre: ball.centre_m,
+        velocity: [0.0; 3],
+        radius: ball.radius_m,
+        from_s,
+        until_s,
+    };
+    Ok(request.balls[..count].iter().map(track).collect())
+}
+
+/// A motion that was published, from its begin to its end.
+pub(super) fn published(
+    message: &TrajectoryMessage,
+    clock: Clock,
+    body: &Body,
+    around: &Surroundings,
+) -> anyhow::Result<Motion> {
+    let begins_s = clock.seconds(message.begin_mono_ns);
+    let motion = motion(message)?;
+    let samples = sampled(&motion, begins_s, SAMPLES);
+    let (id, duration_s) = (message.trajectory_id, motion.duration());
+    let name = format!("{id}: from {begins_s:.2} s, {duration_s:.2} s long");
+    Ok(Motion {
+        stays: false,
+        ..Motion::new(name, &samples, body, around)
+    })
+}
+
+/// Seconds since the first cycle, or since pages are served, by its time (ns of `CLOCK_MONOTONIC`).
 #[derive(Clone, Copy)]
-struct Clock(i64);
+pub(super) struct Clock(pub(super) i64);
 
 impl Clock {
-    fn seconds(self, mono_ns: i64) -> f64 {
+    pub(super) fn seconds(self, mono_ns: i64) -> f64 {
         shared_types::clock::seconds(mono_ns.saturating_sub(self.0))
     }
 }
@@ -87,25 +137,15 @@ fn tracks(scenes: &[SceneMessage], clock: Clock, duration_s: f64) -> Vec<BallTra
     let mut current: BTreeMap<_, Vec<BallTrack>> = BTreeMap::new();
     for scene in scenes {
         let now_s = clock.seconds(scene.stamp_mono_ns);
-        let until_s = (now_s + shared_types::clock::seconds(scene.lifetime_ns)).min(duration_s);
-        let count = match scene.takes_leave {
-            0 => (scene.ball_count as usize).min(scene.balls.len()),
-            _ => 0,
-        };
-        let seen = scene.balls[..count].iter().map(|ball| BallTrack {
-            centre: ball.centre_m,
-            velocity: ball.velocity_m_s,
-            radius: ball.radius_m,
-            from_s: now_s,
-            until_s,
-        });
+        let seen = foreseen(scene, clock).into_iter();
         let before = current.remove(&scene.source).unwrap_or_default();
         let mut before: Vec<Option<BallTrack>> = before.into_iter().map(Some).collect();
-        let mut tracks = Vec::with_capacity(count);
+        let mut tracks = Vec::with_capacity(seen.len());
         for (index, ball) in seen.enumerate() {
             let goes_on = before
                 .get_mut(index)
                 .and_then(|before| before.take_if(|before| is_foreseen(before, &ball)));
+            let until_s = ball.until_s;
             tracks.push(goes_on.map_or(ball, |track| BallTrack { until_s, ..track }));
         }
         done.extend(before.into_iter().flatten().map(|track| BallTrack {
@@ -114,9 +154,30 @@ fn tracks(scenes: &[SceneMessage], clock: Clock, duration_s: f64) -> Vec<BallTra
         }));
         current.insert(scene.source, tracks);
     }
-    done.extend(current.into_values().flatten());
+    let last = current.into_values().flatten();
+    done.extend(last.map(|track| BallTrack {
+        until_s: track.until_s.min(duration_s),
+        ..track
+    }));
     done.retain(|track| track.until_s > track.from_s && track.until_s > 0.0);
     done
+}
+
+/// The balls of a scene from its stamp until its lifetime ends; none where its source takes its leave.
+pub(super) fn foreseen(scene: &SceneMessage, clock: Clock) -> Vec<BallTrack> {
+    let from_s = clock.seconds(scene.stamp_mono_ns);
+    let count = match scene.takes_leave {
+        0 => (scene.ball_count as usize).min(scene.balls.len()),
+        _ => 0,
+    };
+    let track = |ball: &MovingBall| BallTrack {
+        centre: ball.centre_m,
+        velocity: ball.velocity_m_s,
+        radius: ball.radius_m,
+        from_s,
+        until_s: from_s + shared_types::clock::seconds(scene.lifetime_ns),
+    };
+    scene.balls[..count].iter().map(track).collect()
 }
 
 fn is_foreseen(before: &BallTrack, ball: &BallTrack) -> bool {
@@ -125,6 +186,17 @@ fn is_foreseen(before: &BallTrack, ball: &BallTrack) -> bool {
         let off = (there.centre - pcc_model::Point::from(ball.centre)).norm();
         off <= SAME_WAY_M && before.velocity == ball.velocity && before.radius == ball.radius
     })
+}
+
+/// Labels of tendons.
+pub(super) fn numbered(tendons: usize) -> Vec<String> {
+    (1..=tendons).map(|tendon| tendon.to_string()).collect()
+}
+
+/// Labels of a configuration's components.
+pub(super) fn components() -> Vec<String> {
+    let name = |d| format!("ζ{} {}", d / 2 + 1, ["x", "y"][d % 2]);
+    (0..6).map(name).collect()
 }
 
 fn curves(cycles: &[&Cycle], clock: Clock, tendons: usize) -> Vec<Curves> {
@@ -145,10 +217,7 @@ fn curves(cycles: &[&Cycle], clock: Clock, tendons: usize) -> Vec<Curves> {
             })
             .collect(),
     };
-    let tendons: Vec<String> = (1..=tendons).map(|tendon| tendon.to_string()).collect();
-    let components: Vec<String> = (0..6)
-        .map(|d| format!("ζ{} {}", d / 2 + 1, ["x", "y"][d % 2]))
-        .collect();
+    let (tendons, components) = (numbered(tendons), components());
     vec![
         curves("Set-points of the tendons", "m", &tendons, &|cycle, i| {
             cycle.setpoint_m[i]

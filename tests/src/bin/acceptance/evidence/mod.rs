@@ -1,5 +1,6 @@
 //! Every experiment of the paper made again, beside honest rivals.
 
+mod browser;
 mod checker;
 mod comparison;
 mod page;
@@ -7,6 +8,7 @@ mod paper_model;
 mod planners;
 mod referee;
 mod rivals;
+mod view;
 
 use crate::report::Report;
 use crate::scale::Scale;
@@ -18,4 +20,5 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     comparison::run,
     paper_model::run,
     checker::run,
+    |report, _| view::run(report),
 ];

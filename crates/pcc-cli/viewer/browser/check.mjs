@@ -1,0 +1,49 @@
+// node check.mjs FOLDER PAGE…: opens each page of a file at both sizes, takes pictures of it, and operates every control of it.
+import { basename } from "node:path";
+import { pathToFileURL } from "node:url";
+import { SIZES, controls, inOrder, keep, launch, look, open, tell } from "./driver.mjs";
+import { operateAll } from "./view_controls.mjs";
+
+// Time from the navigation to the first picture, ms.
+const LOADED_MS = 2000;
+
+async function checkView({ page, size }, title, folder, name) {
+  await page.waitForSelector("body[data-ready]", { timeout: 60000 });
+  const drawn = await page.evaluate(() => performance.getEntriesByName("drawn")[0].startTime);
+  const length = await page.evaluate(() => document.getElementById("now").textContent.split(" of ")[1]);
+  tell(`${title}: from navigation to the first picture, of ${length}`, `${drawn.toFixed(0)} ms`, `< ${LOADED_MS} ms`, drawn < LOADED_MS);
+  await keep(page, folder, `${name}-${size}-first`);
+  await inOrder(page, title, size === "phone");
+  await operateAll(page, title);
+  await page.locator("#all").click();
+  await keep(page, folder, `${name}-${size}-last`);
+}
+
+// A page of another kind: whatever can be pressed must change something.
+async function checkOther({ page, size }, title, folder, name) {
+  await page.waitForLoadState("load");
+  await keep(page, folder, `${name}-${size}`);
+  await inOrder(page, title, false);
+  const all = await controls(page);
+  const still = [];
+  for (const { control, kind, name: called } of all) {
+    const before = await look(page);
+    await (kind === "select" ? control.selectOption({ index: (await control.locator("option").count()) - 1 }) : control.click());
+    if (before === (await look(page))) still.push(called);
+  }
+  tell(`${title}: controls that change nothing`, still.join("; ") || "none", `none of ${all.length}`, still.length === 0);
+}
+
+const [folder, ...pages] = process.argv.slice(2);
+const browser = await launch();
+for (const file of pages) {
+  for (const size of SIZES) {
+    const name = basename(file, ".html"), title = `${name}, ${size.name}`;
+    const opened = await open(browser, size, pathToFileURL(file).href);
+    const isView = (await opened.page.waitForLoadState("domcontentloaded"), await opened.page.locator("#scene").count()) > 0;
+    await (isView ? checkView : checkOther)(opened, title, folder, name);
+    tell(`${title}: errors and warnings on the console`, opened.errors.join("; ") || "none", "none", opened.errors.length === 0);
+    await opened.context.close();
+  }
+}
+await browser.close();

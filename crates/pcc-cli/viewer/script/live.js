@@ -1,0 +1,105 @@
+// A page that is served: what is told while it happens is added, and what is old is let go of.
+import { Viewer, element } from "./viewer.js";
+import { floats } from "./samples.js";
+
+// Time that the page has behind it.
+const KEPT_S = 60;
+
+class LiveViewer extends Viewer {
+  constructor(view) {
+    super(view, (text) => Array.from(floats(text)));
+    this.follows = true;
+    element("live").hidden = false;
+    element("live").addEventListener("click", () => this.follow());
+    this.follow();
+  }
+
+  follow() {
+    this.isPlaying = false;
+    this.follows = true;
+    this.now = this.span.until_s;
+    this.show();
+  }
+
+  show() {
+    element("play").textContent = this.follows || this.isPlaying ? "Pause" : "Play";
+    element("live").disabled = this.follows;
+    this.draw();
+  }
+
+  play() {
+    const plays = !this.follows && !this.isPlaying;
+    this.follows = false;
+    super.play(plays);
+    this.show();
+  }
+
+  atEnd() {
+    this.follow();
+  }
+
+  goTo(time) {
+    this.follows = false;
+    super.goTo(time);
+    this.show();
+  }
+
+  // What is commanded and measured.
+  frame({ time_s, configurations_rad, clearances, curves }) {
+    const oldest = time_s - KEPT_S;
+    this.motions.slice(0, configurations_rad.length).forEach((motion, index) => {
+      motion.push(time_s, configurations_rad[index], clearances[index] ?? NaN, oldest);
+    });
+    this.curves.forEach((set, index) => {
+      set.time.push(time_s);
+      set.values.forEach((values, line) => values.push(curves[index][line]));
+      if (set.time[0] < oldest - 10) [set.time, ...set.values].forEach((values) => values.splice(0, 500));
+    });
+    this.span.from_s = Math.max(oldest, this.curves[0].time[0]);
+    this.span.until_s = time_s;
+    if (this.follows || this.now < this.span.from_s) this.now = this.follows ? time_s : this.span.from_s;
+    this.changed();
+  }
+
+  // The balls of a source: they take the place of those that it told of before.
+  scene({ source, balls, time_s }) {
+    const kept = this.obstacles.tracks.filter((track) => track.until_s > this.span.from_s);
+    for (const track of kept) if (track.source === source) track.until_s = Math.min(track.until_s, time_s);
+    this.obstacles.tracks = kept.concat(balls.map((ball) => ({ ...ball, source })));
+    this.changed();
+  }
+
+  // A motion that was published.
+  motion({ begins_s, motion }) {
+    for (const old of this.motions.slice(2)) if (old.time.at(-1) < this.span.from_s) this.removeMotion(old);
+    this.marks = this.marks.filter((mark) => mark.time_s >= this.span.from_s).concat([{ time_s: begins_s }]);
+    this.addMotion(motion, true);
+    this.legend();
+    this.changed();
+  }
+
+  changed() {
+    if (this.waits) return;
+    this.waits = true;
+    requestAnimationFrame(() => {
+      this.waits = false;
+      this.draw();
+    });
+  }
+}
+
+export function listen(ready) {
+  const source = new EventSource("live");
+  let viewer = null, shown = "";
+  const on = (name, act) => source.addEventListener(name, (event) => act(JSON.parse(event.data), event.data));
+  on("view", (view, text) => {
+    if (viewer && text !== shown) return location.reload();
+    shown = text;
+    if (viewer) return;
+    viewer = new LiveViewer(view);
+    ready(viewer);
+  });
+  for (const name of ["frame", "scene", "motion"]) on(name, (told) => viewer?.[name](told));
+  on("status", ({ lines }) => element("state").replaceChildren(...lines.map((line) => Object.assign(document.createElement("span"), { textContent: line }))));
+  source.addEventListener("error", () => { element("state").textContent = "pcc view --live does not answer; waiting for it"; });
+}

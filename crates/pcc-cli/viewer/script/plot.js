@@ -1,0 +1,114 @@
+// Curves over time on a canvas, a line at the time that is shown, and dashed lines at marks.
+import { HUES } from "./colours.js";
+import { indexAt } from "./samples.js";
+
+const MARGIN = { left: 52, right: 10, top: 6, bottom: 18 };
+
+// Round numbers between two others, at most so many, and how many digits they need.
+function ticks(low, high, most) {
+  const rough = (high - low) / most;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].find((factor) => factor * power >= rough * (1 - 1e-9)) * power;
+  const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  const first = Math.ceil(low / step - 1e-9);
+  const count = Math.floor(high / step + 1e-9) - first + 1;
+  return { values: Array.from({ length: Math.max(count, 0) }, (_, index) => (first + index) * step), digits };
+}
+
+export class Plot {
+  // `span` is the time from `from_s` to `until_s` that the plot has; it may change.
+  constructor(canvas, span, goTo) {
+    Object.assign(this, { canvas, span, pen: canvas.getContext("2d") });
+    canvas.addEventListener("click", (event) => {
+      const share = (event.offsetX - MARGIN.left) / (canvas.clientWidth - MARGIN.left - MARGIN.right);
+      goTo(span.from_s + Math.min(Math.max(share, 0), 1) * (span.until_s - span.from_s));
+    });
+  }
+
+  x(time) {
+    const { from_s, until_s } = this.span;
+    return MARGIN.left + ((time - from_s) / Math.max(until_s - from_s, 1e-9)) * (this.width - MARGIN.left - MARGIN.right);
+  }
+
+  y(value) {
+    return MARGIN.top + ((this.high - value) / (this.high - this.low)) * (this.height - MARGIN.top - MARGIN.bottom);
+  }
+
+  draw(curves, marks, now) {
+    const { canvas, pen } = this;
+    const ratio = window.devicePixelRatio || 1;
+    [this.width, this.height] = [canvas.clientWidth, canvas.clientHeight];
+    canvas.width = this.width * ratio;
+    canvas.height = this.height * ratio;
+    pen.scale(ratio, ratio);
+    const style = getComputedStyle(canvas);
+    const [soft, line] = ["--soft", "--line"].map((name) => style.getPropertyValue(name));
+    this.measure(curves);
+    pen.font = "11px system-ui, sans-serif";
+    this.axes(soft, line);
+    pen.setLineDash([4, 3]);
+    pen.strokeStyle = soft;
+    for (const mark of marks) if (mark.time_s >= this.span.from_s) this.upright(mark.time_s);
+    pen.setLineDash([]);
+    curves.values.forEach((values, index) => this.curve(curves.time, values, HUES[index % HUES.length]));
+    pen.strokeStyle = style.color;
+    pen.lineWidth = 1.5;
+    this.upright(now);
+  }
+
+  measure(curves) {
+    [this.low, this.high] = [Infinity, -Infinity];
+    for (const values of curves.values) {
+      for (const value of values) {
+        if (value < this.low) this.low = value;
+        if (value > this.high) this.high = value;
+      }
+    }
+    const room = 0.05 * (this.high - this.low);
+    [this.low, this.high] = room > 1e-9 ? [this.low - room, this.high + room] : [(this.low || 0) - 1e-3, (this.high || 0) + 1e-3];
+    if (!Number.isFinite(room)) [this.low, this.high] = [-1, 1];
+  }
+
+  axes(soft, line) {
+    const { pen, width, height } = this;
+    pen.fillStyle = soft;
+    pen.strokeStyle = line;
+    pen.lineWidth = 1;
+    pen.textAlign = "right";
+    const upright = ticks(this.low, this.high, 4);
+    for (const value of upright.values) {
+      pen.fillText((value || 0).toFixed(upright.digits), MARGIN.left - 5, this.y(value) + 4);
+      pen.beginPath();
+      pen.moveTo(MARGIN.left, this.y(value));
+      pen.lineTo(width - MARGIN.right, this.y(value));
+      pen.stroke();
+    }
+    const { from_s, until_s } = this.span;
+    if (!(until_s > from_s)) return;
+    const level = ticks(from_s, until_s, width < 500 ? 4 : 8);
+    for (const time of level.values) {
+      const text = `${time.toFixed(level.digits)} s`;
+      const half = pen.measureText(text).width / 2;
+      pen.textAlign = "center";
+      pen.fillText(text, Math.min(Math.max(this.x(time), MARGIN.left + half), width - half - 1), height - 4);
+    }
+  }
+
+  curve(times, values, hue) {
+    const { pen } = this;
+    const first = indexAt(times, this.span.from_s);
+    const every = Math.max(1, Math.floor((times.length - first) / (2 * this.width)));
+    pen.strokeStyle = hue;
+    pen.lineWidth = 1.2;
+    pen.beginPath();
+    for (let i = first; i < times.length; i += every) pen.lineTo(Math.max(this.x(times[i]), MARGIN.left), this.y(values[i]));
+    pen.stroke();
+  }
+
+  upright(time) {
+    this.pen.beginPath();
+    this.pen.moveTo(this.x(time), MARGIN.top);
+    this.pen.lineTo(this.x(time), this.height - MARGIN.bottom);
+    this.pen.stroke();
+  }
+}
