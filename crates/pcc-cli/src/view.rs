@@ -4,6 +4,7 @@ mod archive;
 mod live;
 mod page;
 mod recorded;
+mod samples;
 mod surroundings;
 
 use crate::number;

@@ -1,6 +1,7 @@
 //! A case of an evaluation's `paths.npz`.
 
-use super::page::{Body, Curves, Mark, Motion, Samples, View, clearance_range, sampled};
+use super::page::{Body, Curves, Mark, Motion, View, clearance_range, sampled};
+use super::samples::Samples;
 use super::surroundings::{BallTrack, Surroundings};
 use crate::robot::unit_robot;
 use anyhow::ensure;

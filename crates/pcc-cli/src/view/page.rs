@@ -1,10 +1,9 @@
 //! What the page shows, and the page: a template, its style and its script, none of which needs a network.
 
+use super::samples::Samples;
 use super::surroundings::{BallTrack, Surface, Surroundings};
-use base64::Engine;
-use base64::prelude::BASE64_STANDARD;
 use pcc_model::{Backbone, Configuration, SECTIONS};
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 use trajectory::Trajectory;
 
 const TEMPLATE: &str = include_str!("../../viewer/page.html");
@@ -64,26 +63,6 @@ pub(super) struct Curves {
 #[derive(Clone, Copy, Serialize)]
 pub(super) struct Mark {
     pub(super) time_s: f64,
-}
-
-/// Numbers, in the page as base64 of little-endian f32.
-#[derive(Default)]
-pub(super) struct Samples(pub(super) Vec<f64>);
-
-impl Serialize for Samples {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let bytes = self
-            .0
-            .iter()
-            .flat_map(|value| (*value as f32).to_le_bytes());
-        serializer.serialize_str(&BASE64_STANDARD.encode(bytes.collect::<Vec<u8>>()))
-    }
-}
-
-impl FromIterator<f64> for Samples {
-    fn from_iter<I: IntoIterator<Item = f64>>(values: I) -> Self {
-        Self(values.into_iter().collect())
-    }
 }
 
 impl Body {
@@ -183,12 +162,6 @@ pub(super) fn html(title: &str, view: Option<&View>) -> anyhow::Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn samples_are_base64_of_little_endian_f32() {
-        let text = serde_json::to_string(&Samples(vec![1.0, -2.5])).unwrap();
-        assert_eq!(text, "\"AACAPwAAIMA=\"");
-    }
 
     #[test]
     fn a_title_cannot_leave_its_place_and_data_cannot_end_its_element() {

@@ -1,6 +1,7 @@
 //! A record: what was commanded and measured, the motions that were published, and the balls of the live scenes.
 
-use super::page::{Body, Curves, Mark, Motion, Samples, View, clearance_range, sampled};
+use super::page::{Body, Curves, Mark, Motion, View, clearance_range, sampled};
+use super::samples::Samples;
 use super::surroundings::{BallTrack, Surroundings};
 use crate::replay::{Recording, motion};
 use anyhow::Context;
@@ -40,7 +41,7 @@ pub(super) fn read(file: &Path, scene: Option<&Path>) -> anyhow::Result<View> {
     let mut around = Surroundings::of_file(scene, 1.0)?;
     around.tracks = tracks(&recording.scenes, clock, duration_s);
     for message in &recording.trajectories {
-        let plans = recording.plans.iter();
+        let mut plans = recording.plans.iter();
         let plan = plans.rfind(|plan| plan.report.plan_id == message.plan_id);
         if let Some(plan) = plan {
             let tracks = requested(&plan.request, message, clock)?;
@@ -195,7 +196,7 @@ pub(super) fn numbered(tendons: usize) -> Vec<String> {
 
 /// Labels of a configuration's components.
 pub(super) fn components() -> Vec<String> {
-    let name = |d| format!("ζ{} {}", d / 2 + 1, ["x", "y"][d % 2]);
+    let name = |d: usize| format!("ζ{} {}", d / 2 + 1, ["x", "y"][d % 2]);
     (0..6).map(name).collect()
 }
 

@@ -1,6 +1,6 @@
 //! What is around the robot: balls that come, move and go, and what a scene file has.
 
-use super::page::Samples;
+use super::samples::Samples;
 use anyhow::Context;
 use collision::{Ball, Scene, SceneError};
 use serde::Serialize;

@@ -49,9 +49,9 @@ export async function keep(page, folder, name) {
   await page.screenshot({ path: join(folder, `${name}.png`), fullPage: true });
 }
 
-// Every control that is seen, as a description that finds it again.
+// Every control that is seen, with what it is.
 export async function controls(page) {
-  const all = await page.locator(CONTROLS).all();
+  const all = await page.$$(CONTROLS);
   const seen = [];
   for (const control of all) {
     if (!(await control.isVisible())) continue;

@@ -16,21 +16,23 @@ async function press(page, selector) {
   await page.locator(selector).click();
 }
 
-async function setTime(page, share) {
-  await page.locator("#time").evaluate((bar, value) => {
-    bar.value = value;
+// Goes to a share of the time that the page has, or to a time in s.
+async function setTime(page, { share, at }) {
+  await page.locator("#time").evaluate((bar, { share, at }) => {
+    bar.value = at ?? Number(bar.min) + share * (bar.max - bar.min);
     bar.dispatchEvent(new Event("input", { bubbles: true }));
-  }, share);
+  }, { share, at });
 }
 
 // How far the time goes in a while at a speed.
 async function played(page, speed) {
-  await setTime(page, 0.2);
+  await setTime(page, { share: 0.25 });
   await page.locator("#speed").selectOption(speed);
   const before = await now(page);
   await press(page, "#play");
-  await pause(page, 700);
-  await press(page, "#play");
+  await pause(page, 500);
+  // It stops by itself where it comes to the end.
+  await page.locator("#play").evaluate((button) => button.textContent === "Pause" && button.click());
   return (await now(page)) - before;
 }
 
@@ -38,7 +40,7 @@ async function played(page, speed) {
 const OPERATE = {
   async checkbox(page, { control, name }, isMotion) {
     if (isMotion) await press(page, "#none");
-    if (isMotion) await setTime(page, await timeOf(page, name));
+    if (isMotion) await setTime(page, timeOf(name));
     for (const way of ["first", "again"]) {
       const before = await control.isChecked();
       const differs = await changes(page, "#picture", () => control.click());
@@ -54,8 +56,10 @@ const OPERATE = {
   },
   async none(page) {
     await press(page, "#all");
+    const count = await page.locator("#motions li").count();
     const differs = await changes(page, "#picture", () => press(page, "#none"));
-    const on = await page.locator("#motions input:checked").count();
+    // Those that have come since are on.
+    const on = await page.locator(`#motions li:nth-child(-n+${count}) input:checked`).count();
     return differs && on === 0 ? "" : `leaves ${on} motions on`;
   },
   async view(page, { control, name }) {
@@ -73,6 +77,17 @@ const OPERATE = {
     const stays = await now(page);
     await pause(page, 300);
     return went > 0.2 && stays === (await now(page)) ? "" : `went on by ${went} s, and then from ${stays} to ${await now(page)} s`;
+  },
+  async live(page) {
+    await setTime(page, { share: 0.25 });
+    const before = await now(page);
+    await press(page, "#live");
+    await pause(page, 500);
+    const after = await now(page);
+    await pause(page, 500);
+    const later = await now(page);
+    await press(page, "#play");
+    return before < after && after < later ? "" : `is at ${before}, ${after} and ${later} s`;
   },
   async speed(page) {
     const [slow, slower, plain, fast] = [await played(page, "0.1"), await played(page, "0.25"), await played(page, "1"), await played(page, "4")];
@@ -97,7 +112,7 @@ const OPERATE = {
     }
   },
   async plot(page) {
-    await setTime(page, 0.9);
+    await setTime(page, { share: 0.9 });
     const box = await page.locator("#plot").boundingBox();
     const before = await now(page);
     await page.locator("#plot").click({ position: { x: box.width / 2, y: box.height / 2 } });
@@ -135,11 +150,10 @@ const pinch = (page, x, y) => {
   return touch(page, fingers(30), fingers(50), fingers(70), []);
 };
 
-// A share of the time bar at which a motion's body is there: of one that names its begin, just after that.
-async function timeOf(page, name) {
+// A time at which a motion's body is there: of one that names its begin, just after that.
+function timeOf(name) {
   const begin = name.match(/from (-?[\d.]+) s/);
-  const until = parseFloat((await text(page, "#now")).split(" of ")[1]);
-  return begin ? Math.min(Math.max(parseFloat(begin[1]) + 0.05, 0) / until, 1) : 0.5;
+  return begin ? { at: parseFloat(begin[1]) + 0.05 } : { share: 0.5 };
 }
 
 async function operate(page, it) {
@@ -155,6 +169,8 @@ export async function operateAll(page, title) {
   const all = await controls(page);
   const wrong = [];
   for (const it of all) {
+    // Live, motions of the past go.
+    if (!(await it.control.evaluate((control) => control.isConnected))) continue;
     const isLayer = await it.control.evaluate((control) => control.closest("#layers") !== null);
     if (isLayer) await press(page, "#all");
     if (it.id === "colour") await press(page, "#all");

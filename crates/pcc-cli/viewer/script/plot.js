@@ -3,6 +3,8 @@ import { HUES } from "./colours.js";
 import { indexAt } from "./samples.js";
 
 const MARGIN = { left: 52, right: 10, top: 6, bottom: 18 };
+// Least distance between two marks, pixels.
+const MARK_PX = 4;
 
 // Round numbers between two others, at most so many, and how many digits they need.
 function ticks(low, high, most) {
@@ -48,7 +50,9 @@ export class Plot {
     this.axes(soft, line);
     pen.setLineDash([4, 3]);
     pen.strokeStyle = soft;
-    for (const mark of marks) if (mark.time_s >= this.span.from_s) this.upright(mark.time_s);
+    pen.globalAlpha = 0.6;
+    this.marks(marks);
+    pen.globalAlpha = 1;
     pen.setLineDash([]);
     curves.values.forEach((values, index) => this.curve(curves.time, values, HUES[index % HUES.length]));
     pen.strokeStyle = style.color;
@@ -103,6 +107,16 @@ export class Plot {
     pen.beginPath();
     for (let i = first; i < times.length; i += every) pen.lineTo(Math.max(this.x(times[i]), MARGIN.left), this.y(values[i]));
     pen.stroke();
+  }
+
+  // Those that are too near to each other are drawn once.
+  marks(marks) {
+    let before = MARGIN.left - 1;
+    for (const { time_s } of marks) {
+      if (this.x(time_s) < before + MARK_PX) continue;
+      before = this.x(time_s);
+      this.upright(time_s);
+    }
   }
 
   upright(time) {

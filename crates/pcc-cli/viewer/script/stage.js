@@ -22,6 +22,8 @@ export class Stage {
     this.scene.add(sun);
     this.ground = new THREE.Group();
     const grid = new THREE.GridHelper(2 * reach, 12, 0x8a96a3, 0xb9c2cb);
+    grid.material.transparent = true;
+    grid.material.opacity = 0.5;
     const plate = new THREE.Mesh(
       new THREE.CylinderGeometry(1.6 * thickness, 1.8 * thickness, 0.3 * thickness, 48),
       new THREE.MeshStandardMaterial({ color: 0x6f7b87, roughness: 0.7 }),
@@ -35,9 +37,9 @@ export class Stage {
   }
 
   look(name) {
-    const wide = Math.max(1, 0.9 / this.camera.aspect);
-    this.controls.target.set(0, 0, 0.5 * this.reach);
-    this.camera.position.set(...DIRECTIONS[name]).normalize().multiplyScalar(2.9 * wide * this.reach).add(this.controls.target);
+    const wide = Math.max(1, 1 / this.camera.aspect);
+    this.controls.target.set(0, 0, 0.45 * this.reach);
+    this.camera.position.set(...DIRECTIONS[name]).normalize().multiplyScalar(2.6 * wide * this.reach).add(this.controls.target);
     this.controls.update();
   }
 

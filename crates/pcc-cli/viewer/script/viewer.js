@@ -145,10 +145,7 @@ export class Viewer {
       this.draw();
     });
     this.legend();
-    element("time").addEventListener("input", (event) => {
-      const { from_s, until_s } = this.span;
-      this.goTo(from_s + event.target.value * (until_s - from_s));
-    });
+    element("time").addEventListener("input", (event) => this.goTo(Number(event.target.value)));
     element("play").addEventListener("click", () => this.play(!this.isPlaying));
   }
 
@@ -192,7 +189,7 @@ export class Viewer {
 
   draw() {
     const { from_s, until_s } = this.span;
-    element("time").value = until_s > from_s ? (this.now - from_s) / (until_s - from_s) : 0;
+    Object.assign(element("time"), { min: from_s, max: until_s, value: this.now });
     element("now").textContent = `${this.now.toFixed(2)} of ${until_s.toFixed(2)} s`;
     this.obstacles.place(this.now);
     const shown = this.motions.filter((motion) => motion.group.visible);

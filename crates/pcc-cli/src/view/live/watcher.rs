@@ -1,8 +1,9 @@
 //! What is told to pages: what the controller commands and measures, the live scene, the motions, and who is there.
 
 use super::hub::{Hub, Kept};
-use crate::view::page::{Body, Curves, Motion, Samples, View};
+use crate::view::page::{Body, Curves, Motion, View};
 use crate::view::recorded::{Clock, components, foreseen, numbered, published};
+use crate::view::samples::Samples;
 use crate::view::surroundings::{BallTrack, Surroundings};
 use anyhow::anyhow;
 use client::{ControllerView, RobotView};
