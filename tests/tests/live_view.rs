@@ -74,7 +74,9 @@ fn pages_are_told_what_happens_and_who_is_not_there() {
     next(&mut events, "status", |it| {
         says(it, "planner-daemon: not there")
     });
-    Part::ALL.map(|part| stack.start(part));
+    for part in Part::ALL {
+        stack.start(part);
+    }
     stack.wait_until_ready().unwrap();
     let view = next(&mut events, "view", |_| true);
     assert_eq!(

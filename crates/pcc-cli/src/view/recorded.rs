@@ -114,8 +114,8 @@ pub(super) fn published(
     let begins_s = clock.seconds(message.begin_mono_ns);
     let motion = motion(message)?;
     let samples = sampled(&motion, begins_s, SAMPLES);
-    let (id, duration_s) = (message.trajectory_id, motion.duration());
-    let name = format!("{id}: from {begins_s:.2} s, {duration_s:.2} s long");
+    let (id, ends_s) = (message.trajectory_id, begins_s + motion.duration());
+    let name = format!("{id}: {begins_s:.2} to {ends_s:.2} s");
     Ok(Motion {
         stays: false,
         ..Motion::new(name, &samples, body, around)

@@ -152,7 +152,7 @@ const pinch = (page, x, y) => {
 
 // A time at which a motion's body is there: of one that names its begin, just after that.
 function timeOf(name) {
-  const begin = name.match(/from (-?[\d.]+) s/);
+  const begin = name.match(/: (-?[\d.]+) to /);
   return begin ? { at: parseFloat(begin[1]) + 0.05 } : { share: 0.5 };
 }
 
