@@ -42,7 +42,7 @@ for (const file of pages) {
     const opened = await open(browser, size, pathToFileURL(file).href);
     const isView = (await opened.page.waitForLoadState("domcontentloaded"), await opened.page.locator("#scene").count()) > 0;
     await (isView ? checkView : checkOther)(opened, title, folder, name);
-    tell(`${title}: errors and warnings on the console`, opened.errors.join("; ") || "none", "none", opened.errors.length === 0);
+    tell(`${title}: errors and warnings on the console`, opened.errors.join("; ") || "none", "no line", opened.errors.length === 0);
     await opened.context.close();
   }
 }

@@ -82,5 +82,5 @@ export async function inOrder(page, title, isTouched) {
     if (it.left < -0.5 || it.right > wide[1] + 0.5) bad.push(`${called} leaves the page`);
     if (isTouched && it.height < TOUCHED_PX) bad.push(`${called} is ${it.height.toFixed(0)} px high`);
   }
-  tell(`${title}: controls without a name, outside the page or too small to touch`, bad.join("; ") || "none", "none", bad.length === 0);
+  tell(`${title}: controls without a name, outside the page or too small to touch`, bad.join("; ") || "none", "no control", bad.length === 0);
 }

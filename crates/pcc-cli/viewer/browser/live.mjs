@@ -53,7 +53,7 @@ for (const { page, size } of opened) {
 }
 const away = await fetch(new URL("/", address));
 tell("live: the answer to who does not know the address", away.status, "404", away.status === 404);
-tell("live: errors and warnings on the console", opened.flatMap((it) => it.errors).join("; ") || "none", "none", opened.every((it) => it.errors.length === 0));
+tell("live: errors and warnings on the console", opened.flatMap((it) => it.errors).join("; ") || "none", "no line", opened.every((it) => it.errors.length === 0));
 console.log("watching");
 const seen = [];
 for (const name of ["controller", "planner-daemon"]) {

@@ -30,7 +30,7 @@ async function played(page, speed) {
   await page.locator("#speed").selectOption(speed);
   const before = await now(page);
   await press(page, "#play");
-  await pause(page, 500);
+  await pause(page, 1000);
   // It stops by itself where it comes to the end.
   await page.locator("#play").evaluate((button) => button.textContent === "Pause" && button.click());
   return (await now(page)) - before;

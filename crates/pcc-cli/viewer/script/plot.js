@@ -20,7 +20,9 @@ function ticks(low, high, most) {
 export class Plot {
   // `span` is the time from `from_s` to `until_s` that the plot has; it may change.
   constructor(canvas, span, goTo) {
-    Object.assign(this, { canvas, span, pen: canvas.getContext("2d") });
+    // What stays while the time goes on is drawn once.
+    const still = document.createElement("canvas");
+    Object.assign(this, { canvas, span, still, pen: still.getContext("2d"), drawn: "" });
     canvas.addEventListener("click", (event) => {
       const share = (event.offsetX - MARGIN.left) / (canvas.clientWidth - MARGIN.left - MARGIN.right);
       goTo(span.from_s + Math.min(Math.max(share, 0), 1) * (span.until_s - span.from_s));
@@ -37,13 +39,28 @@ export class Plot {
   }
 
   draw(curves, marks, now) {
-    const { canvas, pen } = this;
+    const { canvas, still } = this;
     const ratio = window.devicePixelRatio || 1;
-    [this.width, this.height] = [canvas.clientWidth, canvas.clientHeight];
-    canvas.width = this.width * ratio;
-    canvas.height = this.height * ratio;
-    pen.scale(ratio, ratio);
     const style = getComputedStyle(canvas);
+    [this.width, this.height] = [canvas.clientWidth, canvas.clientHeight];
+    const all = [curves.name, curves.time.length, marks.length, this.span.from_s, this.span.until_s, this.width, this.height, ratio, style.color].join();
+    if (all !== this.drawn) {
+      this.drawn = all;
+      this.drawStill(curves, marks, ratio, style);
+    }
+    [canvas.width, canvas.height] = [still.width, still.height];
+    const pen = canvas.getContext("2d");
+    pen.drawImage(still, 0, 0);
+    pen.scale(ratio, ratio);
+    pen.strokeStyle = style.color;
+    pen.lineWidth = 1.5;
+    this.upright(pen, now);
+  }
+
+  drawStill(curves, marks, ratio, style) {
+    const { still, pen } = this;
+    [still.width, still.height] = [this.width * ratio, this.height * ratio];
+    pen.scale(ratio, ratio);
     const [soft, line] = ["--soft", "--line"].map((name) => style.getPropertyValue(name));
     this.measure(curves);
     pen.font = "11px system-ui, sans-serif";
@@ -55,9 +72,6 @@ export class Plot {
     pen.globalAlpha = 1;
     pen.setLineDash([]);
     curves.values.forEach((values, index) => this.curve(curves.time, values, HUES[index % HUES.length]));
-    pen.strokeStyle = style.color;
-    pen.lineWidth = 1.5;
-    this.upright(now);
   }
 
   measure(curves) {
@@ -101,7 +115,7 @@ export class Plot {
   curve(times, values, hue) {
     const { pen } = this;
     const first = indexAt(times, this.span.from_s);
-    const every = Math.max(1, Math.floor((times.length - first) / (2 * this.width)));
+    const every = Math.max(1, Math.floor((times.length - first) / this.width));
     pen.strokeStyle = hue;
     pen.lineWidth = 1.2;
     pen.beginPath();
@@ -115,14 +129,14 @@ export class Plot {
     for (const { time_s } of marks) {
       if (this.x(time_s) < before + MARK_PX) continue;
       before = this.x(time_s);
-      this.upright(time_s);
+      this.upright(this.pen, time_s);
     }
   }
 
-  upright(time) {
-    this.pen.beginPath();
-    this.pen.moveTo(this.x(time), MARGIN.top);
-    this.pen.lineTo(this.x(time), this.height - MARGIN.bottom);
-    this.pen.stroke();
+  upright(pen, time) {
+    pen.beginPath();
+    pen.moveTo(this.x(time), MARGIN.top);
+    pen.lineTo(this.x(time), this.height - MARGIN.bottom);
+    pen.stroke();
   }
 }
