@@ -121,18 +121,15 @@ pub(super) fn sampled(
         .collect()
 }
 
-/// The ends of the colour scale: from contact, or what comes nearest, to a tube's radius of room and no farther than anything comes.
+/// The ends of the colour scale: from contact, or the deepest one, to a tube's radius of room; equal where there are no obstacles.
 pub(super) fn clearance_range(motions: &[Motion], body: &Body) -> [f64; 2] {
     let all = motions.iter().flat_map(|motion| &motion.clearance.0);
-    let all = all.copied().filter(|clearance| clearance.is_finite());
-    let (least, most) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), it| {
-        (least.min(it), most.max(it))
-    });
-    if least > most {
+    let least = all.copied().fold(f64::INFINITY, f64::min);
+    if least.is_infinite() {
         return [0.0; 2];
     }
     let room = body.tube_radii.iter().copied().fold(0.0, f64::max);
-    [least.min(0.0), most.min(room).max(least)]
+    [least.min(0.0), room]
 }
 
 /// The page as HTML: of a view, or, without one, of what is told at the address `live` beside it.

@@ -67,7 +67,8 @@ pub(super) fn read(file: &Path, scene: Option<&Path>) -> anyhow::Result<View> {
         motions.push(published(message, clock, &body, &around)?);
     }
     let switches = cycles.windows(2);
-    let switches = switches.filter(|pair| pair[0].trajectory_id != pair[1].trajectory_id);
+    let is_other = |pair: &&[Cycle]| ![0, pair[0].trajectory_id].contains(&pair[1].trajectory_id);
+    let switches = switches.filter(is_other);
     let marks = switches.map(|pair| Mark {
         time_s: clock.seconds(pair[1].stamp_mono_ns),
     });

@@ -172,7 +172,11 @@ export async function operateAll(page, title) {
     // Live, motions of the past go.
     if (!(await it.control.evaluate((control) => control.isConnected))) continue;
     const isLayer = await it.control.evaluate((control) => control.closest("#layers") !== null);
-    if (isLayer) await press(page, "#all");
+    if (isLayer) {
+      await press(page, "#all");
+      await page.getByRole("button", { name: "Top", exact: true }).click();
+      await setTime(page, { share: 0.5 });
+    }
     if (it.id === "colour") await press(page, "#all");
     const fault = await operate(page, it);
     if (fault) wrong.push(`${it.kind} ${it.id || it.name} ${fault}`);
