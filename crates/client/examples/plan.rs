@@ -8,8 +8,8 @@ use shared_types::ipc::IpcOptions;
 use shared_types::valid::{Goal, PlanRequest};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let arguments = std::env::args().skip(1).flat_map(|it| it.parse());
-    let Ok(tip_m) = <[f64; 3]>::try_from(arguments.collect::<Vec<_>>()) else {
+    let told: Result<Vec<f64>, _> = std::env::args().skip(1).map(|it| it.parse()).collect();
+    let Ok(tip_m) = <[f64; 3]>::try_from(told.unwrap_or_default()) else {
         eprintln!("usage: plan X Y Z, metres in the base frame");
         std::process::exit(2);
     };

@@ -60,8 +60,9 @@ pub(crate) struct GoalKeeper {
     kept: Option<KeptGoal>,
     /// What the plan in work is made for, whatever has become of the goal.
     planned_for: Option<Target>,
-    /// Whether that plan was given up for a goal elsewhere.
+    /// Whether that plan was given up for a goal elsewhere, and whether the one before it was.
     is_overtaken: bool,
+    was_overtaken: bool,
     orders: HeardOrders,
     /// When the last goal that was given up had been given, nanoseconds: nothing given until then counts.
     ended_given_mono_ns: i64,
@@ -76,6 +77,7 @@ impl GoalKeeper {
             kept: None,
             planned_for: None,
             is_overtaken: false,
+            was_overtaken: false,
             orders: HeardOrders::default(),
             ended_given_mono_ns: 0,
             status: GoalStatus::ZEROED,
@@ -229,7 +231,9 @@ impl GoalKeeper {
                 None
             }
             RobotMotion::Holding(_) | RobotMotion::Following(_) if self.is_over() => None,
-            RobotMotion::Holding(_) | RobotMotion::Following(_) => self.plan(target, now_mono_ns),
+            RobotMotion::Holding(_) | RobotMotion::Following(_) => {
+                self.plan(target, has_jumped, now_mono_ns)
+            }
             RobotMotion::Busy { passes: true, .. } => None,
             RobotMotion::Busy { .. } | RobotMotion::Unknown => {
                 let reason = robot.why_not_ready().unwrap_or_default();
@@ -243,14 +247,16 @@ impl GoalKeeper {
     fn has_jumped(&self) -> bool {
         self.kept.as_ref().is_some_and(|kept| {
             let last = kept.last_goal.as_ref();
-            last.is_none_or(|last| !are_nearby(last, &kept.newest.goal, &self.robot))
+            let goal = &kept.newest.goal;
+            last.is_none_or(|last| last != goal && !are_nearby(last, goal, &self.robot))
         })
     }
 
-    /// Whether the plan in work is to be given up now, since the goal is elsewhere. Of goals that jump about, one is planned to in time.
+    /// Whether the plan in work is to be given up now, since the goal is elsewhere. Of two plans one after the other one is not given up, so
+    /// that the robot comes on its way wherever a goal jumps.
     pub(crate) fn overtakes(&mut self, now_mono_ns: i64) -> bool {
         let is_due = |kept: &KeptGoal| now_mono_ns >= kept.next_plan_mono_ns(true);
-        let is_planning = self.planned_for.is_some() && !self.is_overtaken;
+        let is_planning = self.planned_for.is_some() && !self.is_overtaken && !self.was_overtaken;
         let overtakes = is_planning && self.has_jumped() && self.kept.as_ref().is_some_and(is_due);
         self.is_overtaken |= overtakes;
         overtakes
@@ -270,9 +276,8 @@ impl GoalKeeper {
         }
     }
 
-    fn plan(&mut self, target: Target, now_mono_ns: i64) -> Option<PlanRequest> {
+    fn plan(&mut self, target: Target, has_jumped: bool, now_mono_ns: i64) -> Option<PlanRequest> {
         let requested_mono_ns = self.requested_mono_ns(target.given_mono_ns);
-        let has_jumped = self.has_jumped();
         let kept = self.kept.as_mut()?;
         self.planned_for = Some(target);
         kept.last_planned_for = Some(target);
@@ -341,6 +346,7 @@ impl GoalKeeper {
             return;
         }
         kept.head(Heading { motion, target });
+        self.status.outcome = Outcome::Ok.code();
         self.status.motion_count += 1;
         self.status.trajectory_id = motion.trajectory_id;
         self.tell(GoalState::Underway, "");
@@ -352,12 +358,17 @@ impl GoalKeeper {
             self.hear_motion(motion);
         }
         let is_overtaken = std::mem::take(&mut self.is_overtaken);
+        self.was_overtaken = is_overtaken;
         let target = self.planned_for.take();
         let Some((kept, target)) = self.kept.as_mut().zip(target) else {
             return;
         };
-        let is_of_before = target.given_mono_ns != kept.newest.given_mono_ns;
-        if is_of_before || is_overtaken && result.published.is_none() {
+        if target.given_mono_ns != kept.newest.given_mono_ns {
+            return;
+        }
+        if is_overtaken && result.published.is_none() {
+            // The goal may be where it was before it jumped.
+            kept.last_planned_for = None;
             return;
         }
         self.status.outcome = result.outcome.code();

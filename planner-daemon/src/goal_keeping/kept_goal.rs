@@ -42,7 +42,7 @@ pub(super) struct KeptGoal {
     pub(super) newest: StandingGoal,
     /// What the last plan was made for, where that still counts.
     pub(super) last_planned_for: Option<Target>,
-    /// Where the goal was then.
+    /// Where the goal was when the last plan was made.
     pub(super) last_goal: Option<Goal>,
     /// The motions that are not known to have ended: the newest, and before it the one that it leaves.
     pub(super) headings: Vec<Heading>,
@@ -56,8 +56,10 @@ pub(super) struct KeptGoal {
     /// Whether the motion that is followed is not certified to its end any more.
     pub(super) is_blocked: bool,
     pub(super) anticipation: Anticipation,
-    /// No plan begins before the first of these times, nanoseconds, or before the second one where the goal has jumped.
-    next_plans_mono_ns: [i64; 2],
+    /// No plan to where the goal has moved on begins before this time, nanoseconds.
+    next_plan_mono_ns: i64,
+    /// No plan to where the goal has jumped begins before this time, nanoseconds.
+    next_jump_mono_ns: i64,
     /// No plan for the same as the last one begins before this time, nanoseconds.
     pub(super) look_again_mono_ns: i64,
 }
@@ -65,7 +67,9 @@ pub(super) struct KeptGoal {
 impl KeptGoal {
     /// A goal that takes the place of another one, whose motions go on until they are left.
     pub(super) fn after(before: Option<Self>, newest: StandingGoal) -> Self {
-        let next_plans_mono_ns = before.as_ref().map_or([0; 2], |it| it.next_plans_mono_ns);
+        let next = |of: fn(&Self) -> i64| before.as_ref().map_or(0, of);
+        let next_plan_mono_ns = next(|it| it.next_plan_mono_ns);
+        let next_jump_mono_ns = next(|it| it.next_jump_mono_ns);
         Self {
             newest,
             last_planned_for: None,
@@ -77,21 +81,25 @@ impl KeptGoal {
             previous_plan_id: None,
             is_blocked: false,
             anticipation: Anticipation::default(),
-            next_plans_mono_ns,
+            next_plan_mono_ns,
+            next_jump_mono_ns,
             look_again_mono_ns: 0,
         }
     }
 
     /// No plan begins before this time, nanoseconds: the first one to where a goal has jumped does not wait.
     pub(super) fn next_plan_mono_ns(&self, has_jumped: bool) -> i64 {
-        self.next_plans_mono_ns[usize::from(has_jumped)]
+        match has_jumped {
+            true => self.next_jump_mono_ns,
+            false => self.next_plan_mono_ns,
+        }
     }
 
     /// Notes that a plan begins, and when the next one may.
     pub(super) fn note_plan(&mut self, has_jumped: bool, next_mono_ns: i64) {
-        self.next_plans_mono_ns[0] = next_mono_ns;
+        self.next_plan_mono_ns = next_mono_ns;
         if has_jumped {
-            self.next_plans_mono_ns[1] = next_mono_ns;
+            self.next_jump_mono_ns = next_mono_ns;
         }
     }
 

@@ -49,14 +49,17 @@ impl GoalExchange {
     /// Hears what came of a plan to the goal.
     pub(super) fn hear_answer(&mut self, answer: &Answer) {
         let report = &answer.report;
-        let published = answer.selected().filter(|_| report.trajectory_id != 0);
+        // What was published before its plan was whole is known already, whatever the answer selects.
+        let duration_s = answer
+            .selected()
+            .map_or(0.0, |(_, it)| it.trajectory.duration());
         self.keeper.hear_plan(&PlanResult {
             plan_id: report.plan_id,
             outcome: answer.outcome().unwrap_or(Outcome::NoPath),
             reason: report.reason,
-            published: published.map(|(_, candidate)| PublishedMotion {
+            published: (report.trajectory_id != 0).then_some(PublishedMotion {
                 trajectory_id: report.trajectory_id,
-                duration_s: candidate.trajectory.duration(),
+                duration_s,
             }),
         });
     }

@@ -40,7 +40,6 @@ impl Service {
     fn give_up_overtaken_plan(&mut self, now_mono_ns: i64) {
         if let Some(in_flight) = &self.in_flight
             && matches!(in_flight.queued.asker, Asker::GoalKeeper(_))
-            && in_flight.executed.is_none()
             && self.goal.keeper.overtakes(now_mono_ns)
         {
             in_flight.cancelled.store(true, Ordering::Relaxed);

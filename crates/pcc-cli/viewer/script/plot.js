@@ -43,6 +43,7 @@ export class Plot {
     const ratio = window.devicePixelRatio || 1;
     const style = getComputedStyle(canvas);
     [this.width, this.height] = [canvas.clientWidth, canvas.clientHeight];
+    if (this.width < 1 || this.height < 1) return;
     const all = [curves.name, curves.time.length, marks.length, this.span.from_s, this.span.until_s, this.width, this.height, ratio, style.color].join();
     if (all !== this.drawn) {
       this.drawn = all;

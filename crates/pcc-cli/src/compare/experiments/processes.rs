@@ -40,13 +40,14 @@ impl Processes {
         } else {
             std::env::temp_dir()
         };
+        let root = folder.join(&prefix);
+        DirBuilder::new().mode(0o700).create(&root)?;
         let mut processes = Self {
-            root: folder.join(&prefix),
+            root,
             prefix,
             logs: logs.to_owned(),
             running: Vec::new(),
         };
-        DirBuilder::new().mode(0o700).create(&processes.root)?;
         fs::create_dir_all(logs)?;
         let this = std::env::current_exe()?;
         for (name, configuration) in PROGRAMS {

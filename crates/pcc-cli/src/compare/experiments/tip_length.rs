@@ -31,13 +31,15 @@ pub(super) fn figure(sets: &[SetRecords]) -> anyhow::Result<Figure> {
         .answered
         .iter()
         .filter(|it| !LEFT_OUT.contains(&it.planner));
-    let lines = shown.zip(COLOURS).filter_map(|(it, colour)| {
-        Some(Line::scatter(
-            &name_of(&it.planner),
-            vec![trade(it)?],
-            colour,
-        ))
-    });
+    let lines = shown
+        .zip(COLOURS.into_iter().cycle())
+        .filter_map(|(it, colour)| {
+            Some(Line::scatter(
+                &name_of(&it.planner),
+                vec![trade(it)?],
+                colour,
+            ))
+        });
     let planners = Lines {
         x: Axis::logarithmic("ms a certified motion"),
         y: Axis::linear("median tip length ÷ distance"),

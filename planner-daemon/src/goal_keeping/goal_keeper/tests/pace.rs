@@ -121,3 +121,39 @@ fn a_motion_of_a_plan_that_is_not_complete_is_under_way() {
     };
     assert_eq!(bench.keeper.give(withdrawn), Ok(Some(7)));
 }
+
+#[test]
+fn a_goal_that_stays_where_it_is_keeps_its_plan_however_long_that_takes() {
+    for goal in [configuration(0.4), Goal::tip([1.0, 0.5, 2.3])] {
+        let mut bench = Bench::new();
+        bench.give(given(GIVEN, goal));
+        assert!(bench.after(0, &holding()).is_some());
+        assert!(!bench.keeper.overtakes(bench.now + 60 * MS));
+    }
+}
+
+#[test]
+fn of_a_goal_that_jumps_about_every_other_plan_is_finished() {
+    let mut bench = Bench::new();
+    bench.give(tip_at(1.0, 0));
+    let mut is_given_up = Vec::new();
+    for stamp in 1..=6 {
+        assert!(bench.after(25, &holding()).is_some());
+        bench.give(tip_at(if stamp % 2 == 0 { 1.0 } else { -1.0 }, stamp));
+        is_given_up.push(bench.keeper.overtakes(bench.now + 20 * MS));
+        bench.keeper.hear_plan(&failed(Outcome::Truncated, ""));
+    }
+    assert_eq!(is_given_up, [true, false, true, false, true, false]);
+}
+
+#[test]
+fn a_goal_that_jumps_and_comes_back_is_planned_for_again() {
+    let mut bench = Bench::new();
+    bench.give(tip_at(1.0, 0));
+    assert!(bench.after(0, &holding()).is_some());
+    bench.give(tip_at(-1.0, 1));
+    assert!(bench.keeper.overtakes(bench.now + 20 * MS));
+    bench.give(tip_at(1.0, 2));
+    bench.keeper.hear_plan(&failed(Outcome::Truncated, ""));
+    assert!(bench.after(21, &holding()).is_some());
+}

@@ -7,7 +7,6 @@ use client::{GoalSender, ScenePublisher};
 use pcc_model::UnitRobot;
 use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::LoopState;
 use shared_types::message::MovingBall;
 use shared_types::valid::Goal;
 use tests::brute_force::Body;
@@ -17,7 +16,7 @@ use tests::replans::{ReplanScene, random_pause};
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
-use super::figures::{first_followed, quantile};
+use super::figures::{first_followed, is_on_its_way, quantile};
 use super::replan_run::wait_until_held;
 use crate::report::Report;
 use crate::scale::Scale;
@@ -33,7 +32,7 @@ const LONG: Duration = Duration::from_secs(3600);
 /// Distance from the tip within which a motion ends that is to it, m.
 const TOLERANCE_M: f64 = 0.011;
 
-/// A goal that was given to a robot in motion.
+/// A goal that was given in another one's place.
 struct Change {
     given_ns: i64,
     tip_m: [f64; 3],
@@ -66,11 +65,10 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             wait_until_held(&mut stack)?;
             sleep(Duration::from_millis(50));
             let heard = listener.take();
-            took_ms.extend(
-                changes
-                    .iter()
-                    .map(|change| took_ms_of(change, &heard, &body)),
-            );
+            let in_motion = changes
+                .iter()
+                .filter(|change| found_in_motion(change, &heard));
+            took_ms.extend(in_motion.map(|change| took_ms_of(change, &heard, &body)));
             println!("  {} of {count} goals", took_ms.len());
         }
         show(report, &took_ms);
@@ -78,7 +76,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
-/// Gives one tip after the other; returns those that found the robot in motion.
+/// Gives one tip after the other.
 fn change_goals(
     stack: &mut Stack,
     scene: &ReplanScene,
@@ -92,24 +90,29 @@ fn change_goals(
     for _ in 0..IN_A_SCENE {
         sleep(random_pause(PAUSE[0], PAUSE[1], random));
         let tip_m = scene.tip(robot, random).into();
-        let moves = stack.controller_state().state == LoopState::Executing;
         let given_ns = mono_now_ns();
         goal.move_to(Goal::tip(tip_m), [0.0; 3])?;
         if let Some(last) = changes.last_mut() {
             last.until_ns = last.until_ns.min(given_ns);
         }
-        if moves {
-            changes.push(Change {
-                given_ns,
-                tip_m,
-                until_ns: i64::MAX,
-            });
-        }
+        changes.push(Change {
+            given_ns,
+            tip_m,
+            until_ns: i64::MAX,
+        });
     }
     sleep(PAUSE[1]);
     goal.withdraw()?;
     goal.confirm(PATIENCE)?;
     Ok(changes)
+}
+
+/// Whether the robot was in motion, by the cycle at the time at which the goal was given.
+fn found_in_motion(change: &Change, heard: &Heard) -> bool {
+    let before = heard
+        .cycles
+        .partition_point(|cycle| cycle.stamp_mono_ns <= change.given_ns);
+    heard.cycles[..before].last().is_some_and(is_on_its_way)
 }
 
 /// Time from a goal to the first set-point of a motion that ends there, ms; infinite where none is followed before the next goal is given.
