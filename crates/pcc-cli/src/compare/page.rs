@@ -35,7 +35,7 @@ figure { margin: 2.5rem 0; } .pictures { display: flex; flex-wrap: wrap; gap: .7
 pre { background: #f1f4f7; padding: .5rem .75rem; border-radius: 3px; font-size: .8rem; white-space: pre-wrap; overflow-wrap: anywhere; max-width: 60rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .85rem; white-space: nowrap; }
 th, td { padding: .2rem .6rem; text-align: right; border-bottom: 1px solid var(--line); } th:first-child, td:first-child { text-align: left; }
-.words td, .words th { text-align: left; white-space: normal; }
+.words td, .words th { text-align: left; white-space: normal; overflow-wrap: anywhere; }
 td small { color: var(--soft); } code { background: #f1f4f7; padding: .05rem .3rem; border-radius: 3px; } li { margin: .2rem 0; }
 ";
 

@@ -19,7 +19,16 @@ async function checkView({ page, size }, title, folder, name) {
   await keep(page, folder, `${name}-${size}-last`);
 }
 
-// A page of another kind: whatever can be pressed must change something.
+// Whether a link within the page leads to something that is seen then.
+async function leadsSomewhere(page, link) {
+  await link.click();
+  return link.evaluate((it) => {
+    const place = document.getElementById(it.getAttribute("href").slice(1))?.getBoundingClientRect();
+    return place !== undefined && place.bottom > 0 && place.top < innerHeight;
+  });
+}
+
+// A page of another kind: links lead to their places, whatever else can be pressed changes something.
 async function checkOther({ page, size }, title, folder, name) {
   await page.waitForLoadState("load");
   await keep(page, folder, `${name}-${size}`);
@@ -27,11 +36,15 @@ async function checkOther({ page, size }, title, folder, name) {
   const all = await controls(page);
   const still = [];
   for (const { control, kind, name: called } of all) {
+    if (kind === "a") {
+      if (!(await leadsSomewhere(page, control))) still.push(called);
+      continue;
+    }
     const before = await look(page);
     await (kind === "select" ? control.selectOption({ index: await control.evaluate((it) => it.options.length - 1) }) : control.click());
     if (before === (await look(page))) still.push(called);
   }
-  tell(`${title}: controls that change nothing`, still.join("; ") || "none", `none of ${all.length}`, still.length === 0);
+  tell(`${title}: links that lead nowhere, other controls that change nothing`, still.join("; ") || "none", `none of ${all.length}`, still.length === 0);
 }
 
 const [folder, ...pages] = process.argv.slice(2);
