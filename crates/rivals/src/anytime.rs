@@ -11,7 +11,6 @@ use pcc_model::{Configuration, Point};
 use planning::{Goal, MovingObstacles, Problem, goal_configurations, random_configuration};
 use rand_pcg::Pcg64;
 use std::time::{Duration, Instant};
-use tree::Tree;
 
 /// Time of an attempt.
 const BUDGET: Duration = Duration::from_millis(50);
@@ -87,13 +86,6 @@ impl<'a> Attempt<'a> {
             let drawn = random_configuration(self.query.robot, rng);
             (self.least_through(&self.tip(&drawn)) < shortest).then_some(drawn)
         })
-    }
-
-    /// The shortest of the paths of a tree to the goal configurations.
-    fn best(&self, tree: &Tree, goals: &[Option<usize>]) -> Option<Vec<Configuration>> {
-        let reached = goals.iter().flatten();
-        let best = reached.min_by(|a, b| tree.cost(**a).total_cmp(&tree.cost(**b)))?;
-        Some(tree.path_to(*best))
     }
 }
 

@@ -80,8 +80,7 @@ pub(crate) fn path(query: &Query, rng: &mut Pcg64) -> Option<Vec<Configuration>>
         }
         search.step();
     }
-    let goals = search.attempt.goals.len();
-    search.attempt.best(&search.tree, &search.node_of[..goals])
+    search.tree.shortest_path(search.goal_nodes())
 }
 
 impl BitStar<'_> {
@@ -91,11 +90,14 @@ impl BitStar<'_> {
         self.node_of.push(None);
     }
 
+    /// The nodes that the goal configurations have become.
+    fn goal_nodes(&self) -> &[Option<usize>] {
+        &self.node_of[..self.attempt.goals.len()]
+    }
+
     /// Length of the shortest tip path known, section lengths; infinite where none is.
     fn shortest(&self) -> f64 {
-        let goals = &self.node_of[..self.attempt.goals.len()];
-        let costs = goals.iter().flatten().map(|node| self.tree.cost(*node));
-        costs.fold(f64::INFINITY, f64::min)
+        self.tree.shortest(self.goal_nodes())
     }
 
     /// Draws more samples that may lie on a shorter path, and lets every node of the tree look at its neighbours; whether there are any.

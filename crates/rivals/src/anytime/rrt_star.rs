@@ -18,7 +18,7 @@ pub(crate) fn path(query: &Query, rng: &mut Pcg64) -> Option<Vec<Configuration>>
     let mut tree = Tree::rooted(query.start);
     let mut reached = vec![None; attempt.goals.len()];
     while !attempt.is_over() {
-        let shortest = shortest(&tree, &reached);
+        let shortest = tree.shortest(&reached);
         let goal = rng.random_range(0..attempt.goals.len());
         let is_goal = rng.random::<f64>() < GOAL_BIAS && reached[goal].is_none();
         let Some(sample) = (match is_goal {
@@ -34,13 +34,7 @@ pub(crate) fn path(query: &Query, rng: &mut Pcg64) -> Option<Vec<Configuration>>
             reached[goal] = Some(node);
         }
     }
-    attempt.best(&tree, &reached)
-}
-
-/// Length of the shortest tip path to a goal configuration that was reached, section lengths; infinite where none was.
-fn shortest(tree: &Tree, reached: &[Option<usize>]) -> f64 {
-    let costs = reached.iter().flatten().map(|node| tree.cost(*node));
-    costs.fold(f64::INFINITY, f64::min)
+    tree.shortest_path(&reached)
 }
 
 /// Adds a node towards a sample behind the parent of the shortest tip path, and puts its neighbours behind it where theirs become shorter.

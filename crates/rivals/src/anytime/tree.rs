@@ -43,8 +43,21 @@ impl Tree {
         self.branch(node).map(|node| self.edges[node]).sum()
     }
 
+    /// Length of the shortest tip path to one of some nodes, section lengths; infinite where there is none.
+    pub(super) fn shortest(&self, nodes: &[Option<usize>]) -> f64 {
+        let costs = nodes.iter().flatten().map(|node| self.cost(*node));
+        costs.fold(f64::INFINITY, f64::min)
+    }
+
+    /// The configurations from the root to the one of some nodes to which the tip's path is shortest.
+    pub(super) fn shortest_path(&self, nodes: &[Option<usize>]) -> Option<Vec<Configuration>> {
+        let nodes = nodes.iter().flatten();
+        let nearest = nodes.min_by(|a, b| self.cost(**a).total_cmp(&self.cost(**b)))?;
+        Some(self.path_to(*nearest))
+    }
+
     /// The configurations from the root to a node.
-    pub(super) fn path_to(&self, node: usize) -> Vec<Configuration> {
+    fn path_to(&self, node: usize) -> Vec<Configuration> {
         let mut path: Vec<_> = self.branch(node).map(|node| self.nodes[node]).collect();
         path.reverse();
         path

@@ -17,6 +17,7 @@ use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
 use super::figures::{first_followed, is_on_its_way, quantile};
+use super::moving_goal::apart;
 use super::replan_run::wait_until_held;
 use crate::report::Report;
 use crate::scale::Scale;
@@ -120,11 +121,7 @@ fn took_ms_of(change: &Change, heard: &Heard, body: &Body) -> f64 {
     let during = change.given_ns..change.until_ns;
     let firsts = heard.motions.iter().filter_map(|motion| {
         let tip_m = body.tip(&motion.knots.last()?.values[0]);
-        let off = tip_m
-            .iter()
-            .zip(change.tip_m)
-            .map(|(a, b)| (a - b) * (a - b));
-        let is_to_it = off.sum::<f64>().sqrt() <= TOLERANCE_M;
+        let is_to_it = apart(tip_m, change.tip_m) <= TOLERANCE_M;
         let first_ns = first_followed(&heard.cycles, motion.id)?;
         (is_to_it && during.contains(&first_ns)).then_some(first_ns)
     });

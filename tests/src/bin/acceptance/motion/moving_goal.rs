@@ -271,7 +271,8 @@ fn wait_until_begun(stack: &mut Stack) {
     });
 }
 
-fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
+/// Distance of two points, m.
+pub(super) fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
     let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
     squares.sum::<f64>().sqrt()
 }

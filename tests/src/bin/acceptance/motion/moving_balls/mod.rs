@@ -21,6 +21,7 @@ use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
 use self::arm::{Arm, Follower, TOLERANCE_M};
+use super::moving_goal::apart;
 use super::replan_run::wait_until_held;
 use super::setpoints::{no_offences, within_limits};
 use super::standing::stays_clear_after_a_stop;
@@ -202,8 +203,7 @@ fn largest_tip_speed_m_s(body: &Body, cycles: &[Cycle], [from_ns, until_ns]: [i6
     let looks: Vec<_> = cycles.iter().filter(during).step_by(SPEED_LOOKS).collect();
     let tip = |cycle: &Cycle| body.tip(&body.explain(&cycle.setpoint_m).configuration);
     let speed = |pair: &[&Cycle]| {
-        let squares = tip(pair[0]).into_iter().zip(tip(pair[1]));
-        let way_m = squares.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
+        let way_m = apart(tip(pair[0]), tip(pair[1]));
         way_m / ((pair[1].stamp_mono_ns - pair[0].stamp_mono_ns) as f64 * 1e-9)
     };
     looks.windows(2).map(speed).fold(0.0, f64::max)
@@ -259,8 +259,7 @@ fn arrival_s(
     let during = |cycle: &&Cycle| (begun_ns..=ended_ns).contains(&cycle.stamp_mono_ns);
     let is_there = |cycle: &&Cycle| {
         let tip = body.tip(&body.explain(&cycle.setpoint_m).configuration);
-        let squares = tip.iter().zip(tip_m).map(|(a, b)| (a - b) * (a - b));
-        cycle.state == LoopState::Holding.code() && squares.sum::<f64>().sqrt() <= TOLERANCE_M
+        cycle.state == LoopState::Holding.code() && apart(tip, tip_m) <= TOLERANCE_M
     };
     let from_the_end = cycles.iter().rev().filter(during);
     let first = from_the_end.take_while(is_there).last()?;
