@@ -30,7 +30,7 @@ const CONSECUTIVE: [[f64; 3]; 2] = [[0.0, -1.55, 2.25], [1.5, 0.0, 2.4]];
 const MULTI_SOLUTION: [f64; 3] = [1.55, -0.07, 2.33];
 const AVOIDANCE: [[f64; 3]; 2] = [[-1.45, 0.0, 2.25], [1.35, 0.0, 2.45]];
 /// The ball that appears in the third experiment: centre and radius in section lengths.
-const BALL: ([f64; 3], f64) = ([0.0, 0.0, 1.5], 0.4);
+pub(crate) const BALL: ([f64; 3], f64) = ([0.0, 0.0, 1.5], 0.4);
 /// Distance between goal configurations that count as two solutions, rad.
 const DISTINCT_RAD: f64 = 0.5;
 /// Distance of the backbone from the later ball's surface that the chosen goal configuration must keep, section lengths.

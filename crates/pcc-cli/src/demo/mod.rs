@@ -10,6 +10,8 @@ mod obstacles;
 mod recording;
 mod session;
 
+pub(crate) use mission::BALL;
+
 use crate::number::any;
 use crate::output_files::{make_writable, refuse_existing};
 use clap::Args;

@@ -58,7 +58,8 @@ fn medians(bench: &Bench, name: PlannerName, cases: usize) -> anyhow::Result<Vec
                 corrections: MOST_CORRECTIONS,
             };
             let mut times_ms = Vec::new();
-            for (case, seed) in set.iter().zip(bench.arguments.seed..) {
+            for (index, case) in set.iter().enumerate() {
+                let seed = bench.arguments.seed.wrapping_add(index as u64);
                 let answer = answer(&loaded.planner, asked, seed, case.clone(), None)?;
                 times_ms.push(1e3 * answer.drawing_s);
             }

@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::figure::{Figure, Picture, words};
-use super::hardware::Hardware;
+use super::hardware::{Hardware, ball_that_appears};
 use crate::compare::drawing::{COLOURS, Camera, GREY, Scene3d, blend};
 use crate::sampler::PlannerName;
 use anyhow::Context;
@@ -202,10 +202,7 @@ fn random_start(bench: &Bench) -> anyhow::Result<Configuration> {
 /// Tip paths around a ball by denoising step, and the motion that was executed.
 pub(super) fn around_a_ball(bench: &Bench, hardware: &Hardware) -> anyhow::Result<Figure> {
     let run = &hardware.obstacle;
-    let ball = Ball {
-        centre: Point::new(0.0, 0.0, 1.5),
-        radius: 0.4,
-    };
+    let ball = ball_that_appears();
     let task = Task {
         start: run.start(),
         target: run.target(),

@@ -5,6 +5,7 @@ use super::figure::{Figure, Picture};
 use super::processes::Processes;
 use super::solutions::component_name;
 use crate::compare::drawing::{Axis, COLOURS, Camera, GREY, INK, Line, Lines, Scene3d, blend};
+use crate::demo;
 use crate::replay::Recording;
 use crate::sampler::PlannerName;
 use anyhow::{Context, ensure};
@@ -55,6 +56,15 @@ struct Sample {
     time_s: f64,
     commanded: [f64; DOF],
     measured: [f64; DOF],
+}
+
+/// The ball of the demonstration's third experiment.
+pub(super) fn ball_that_appears() -> Ball {
+    let (centre, radius) = demo::BALL;
+    Ball {
+        centre: centre.into(),
+        radius,
+    }
 }
 
 impl Hardware {
@@ -152,10 +162,7 @@ impl Hardware {
 
     /// A motion around a ball.
     pub(super) fn obstacle(&self, bench: &Bench) -> anyhow::Result<Figure> {
-        let ball = Ball {
-            centre: Point::new(0.0, 0.0, 1.5),
-            radius: 0.4,
-        };
+        let ball = ball_that_appears();
         Ok(figure(
             "obstacle",
             "Avoiding a ball, executed",
