@@ -1,7 +1,7 @@
 //! From a changed goal that stays to the first set-point of the motion to it.
 
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use client::{GoalSender, ScenePublisher};
 use pcc_model::UnitRobot;
@@ -19,8 +19,10 @@ use tests::world::Settings;
 use super::figures::{first_followed, is_on_its_way, quantile};
 use super::moving_goal::apart;
 use super::replan_run::wait_until_held;
+use super::windows::{WINDOWS, show_windows};
 use crate::report::Report;
 use crate::scale::Scale;
+use crate::stolen::StolenTimes;
 
 /// Seed of scenes, tips and pauses: nothing was trained with it.
 const SEED: u64 = 9_303;
@@ -35,24 +37,35 @@ const TOLERANCE_M: f64 = 0.011;
 
 /// A goal that was given in another one's place.
 struct Change {
+    given_at: Instant,
     given_ns: i64,
     tip_m: [f64; 3],
     /// When the next one was given, or the scene ended.
     until_ns: i64,
 }
 
+/// How a goal was followed.
+struct Followed {
+    given_at: Instant,
+    /// Until the first set-point of a motion to it, ms; infinite where none is followed before the next goal is given.
+    took_ms: f64,
+    /// Until the switch to that motion.
+    lead_ms: f64,
+}
+
 /// Goals in general scenes, changed while the robot moves.
 pub(super) fn run(report: &mut Report, scale: Scale) {
     let command = "goals that stay, changed, to planner-daemon";
     report.group("goals, latency", command, |report| {
-        let count = scale.pick(100, 1_000);
+        let stolen = StolenTimes::watch()?;
+        let count = WINDOWS * scale.pick(20, 200);
         let mut stack = Stack::running(&Settings::default())?;
         let (body, robot) = (stack.world.body(), stack.world.unit_robot());
         let listener = Listener::start(&stack.world.options);
         let mut scenes = ScenePublisher::connect(&stack.world.options, "general")?;
         let mut random = seeded(SEED);
-        let (mut index, mut took_ms) = (0, Vec::new());
-        while took_ms.len() < count {
+        let (mut index, mut goals) = (0, Vec::new());
+        while goals.len() < count {
             wait_until_held(&mut stack)?;
             let scene = ReplanScene::around(&robot, &stack.commanded(), SEED, &mut index);
             let balls = scene.balls.iter().map(|ball| MovingBall {
@@ -69,10 +82,10 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             let in_motion = changes
                 .iter()
                 .filter(|change| found_in_motion(change, &heard));
-            took_ms.extend(in_motion.map(|change| took_ms_of(change, &heard, &body)));
-            println!("  {} of {count} goals", took_ms.len());
+            goals.extend(in_motion.map(|change| followed(change, &heard, &body)));
+            println!("  {} of {count} goals", goals.len());
         }
-        show(report, &took_ms);
+        show(report, &goals, &stolen);
         Ok(())
     });
 }
@@ -91,12 +104,13 @@ fn change_goals(
     for _ in 0..IN_A_SCENE {
         sleep(random_pause(PAUSE[0], PAUSE[1], random));
         let tip_m = scene.tip(robot, random).into();
-        let given_ns = mono_now_ns();
+        let (given_at, given_ns) = (Instant::now(), mono_now_ns());
         goal.move_to(Goal::tip(tip_m), [0.0; 3])?;
         if let Some(last) = changes.last_mut() {
             last.until_ns = last.until_ns.min(given_ns);
         }
         changes.push(Change {
+            given_at,
             given_ns,
             tip_m,
             until_ns: i64::MAX,
@@ -116,34 +130,50 @@ fn found_in_motion(change: &Change, heard: &Heard) -> bool {
     heard.cycles[..before].last().is_some_and(is_on_its_way)
 }
 
-/// Time from a goal to the first set-point of a motion that ends there, ms; infinite where none is followed before the next goal is given.
-fn took_ms_of(change: &Change, heard: &Heard, body: &Body) -> f64 {
+/// How soon a motion that ends at the goal is followed.
+fn followed(change: &Change, heard: &Heard, body: &Body) -> Followed {
     let during = change.given_ns..change.until_ns;
     let firsts = heard.motions.iter().filter_map(|motion| {
         let tip_m = body.tip(&motion.knots.last()?.values[0]);
         let is_to_it = apart(tip_m, change.tip_m) <= TOLERANCE_M;
         let first_ns = first_followed(&heard.cycles, motion.id)?;
-        (is_to_it && during.contains(&first_ns)).then_some(first_ns)
+        (is_to_it && during.contains(&first_ns)).then_some((first_ns, motion.begin_mono_ns))
     });
-    let first_ns = firsts.min();
-    first_ns.map_or(f64::INFINITY, |it| (it - change.given_ns) as f64 * 1e-6)
+    let ms = |until_ns: i64| (until_ns - change.given_ns) as f64 * 1e-6;
+    let never = [f64::INFINITY; 2];
+    let [took_ms, lead_ms] = firsts
+        .min()
+        .map_or(never, |(first_ns, switch_ns)| [first_ns, switch_ns].map(ms));
+    Followed {
+        given_at: change.given_at,
+        took_ms,
+        lead_ms,
+    }
 }
 
-fn show(report: &mut Report, took_ms: &[f64]) {
-    let line = |what: &str| {
-        format!(
-            "goals, latency: goal that is changed in motion to first set-point of a motion to it: {what}"
-        )
-    };
-    let never = took_ms.iter().filter(|it| it.is_infinite()).count();
+fn show(report: &mut Report, goals: &[Followed], stolen: &StolenTimes) {
+    let line = |what: &str| format!("goals, latency: goal that is changed in motion: {what}");
+    let never = goals.iter().filter(|goal| goal.took_ms.is_infinite());
     report.shown(
         &line("what was given"),
         format!(
-            "{} goals found the robot in motion; {never} were followed by no motion to them before the next one; p90 {:.2} ms",
-            took_ms.len(),
-            quantile(took_ms, 0.9)
+            "{} goals found the robot in motion; {} were followed by no motion to them before the next one",
+            goals.len(),
+            never.count()
         ),
     );
-    report.at_most(&line("median ms"), quantile(took_ms, 0.5), 6.0);
-    report.at_most(&line("p99 ms"), quantile(took_ms, 0.99), 15.0);
+    for (name, of) in [
+        (
+            "lead, from the goal to the switch",
+            (|it| it.lead_ms) as fn(&Followed) -> f64,
+        ),
+        ("goal to first set-point, all windows", |it| it.took_ms),
+    ] {
+        let times_ms: Vec<f64> = goals.iter().map(of).collect();
+        let [median, p90, p99] = [0.5, 0.9, 0.99].map(|share| quantile(&times_ms, share));
+        let figure = format!("median {median:.2}, p90 {p90:.2}, p99 {p99:.2} ms");
+        report.shown(&line(&format!("time until or of: {name}")), figure);
+    }
+    let took_ms: Vec<(Instant, f64)> = goals.iter().map(|it| (it.given_at, it.took_ms)).collect();
+    show_windows(report, &line, &took_ms, stolen);
 }

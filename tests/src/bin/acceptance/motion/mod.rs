@@ -19,6 +19,7 @@ mod routes;
 mod setpoints;
 mod standing;
 mod unreachable_goal;
+mod windows;
 
 use crate::demo;
 use crate::report::Report;

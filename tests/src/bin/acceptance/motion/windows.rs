@@ -1,0 +1,75 @@
+//! Times from a goal to the first set-point of a motion to it, in windows of which the quietest counts.
+
+use std::time::Instant;
+
+use super::figures::quantile;
+use crate::report::Report;
+use crate::stolen::StolenTimes;
+
+/// Windows of which the one with the least share of stolen time counts.
+pub(super) const WINDOWS: usize = 5;
+
+/// One window's goals, in order.
+struct Window {
+    took_ms: Vec<f64>,
+    stolen_ms: f64,
+    lasted_s: f64,
+}
+
+impl Window {
+    /// Of goals that were given at these instants.
+    fn of(part: &[(Instant, f64)], stolen: &StolenTimes) -> Self {
+        let (begin, end) = (part[0].0, part[part.len() - 1].0);
+        Self {
+            took_ms: part.iter().map(|(_, took_ms)| *took_ms).collect(),
+            stolen_ms: stolen.between(begin, end).as_secs_f64() * 1e3,
+            lasted_s: (end - begin).as_secs_f64(),
+        }
+    }
+
+    fn at(&self, share: f64) -> f64 {
+        quantile(&self.took_ms, share)
+    }
+
+    fn stolen_share(&self) -> f64 {
+        1e-3 * self.stolen_ms / self.lasted_s
+    }
+
+    fn text(&self) -> String {
+        format!(
+            "median {:.2}, p90 {:.2}, p99 {:.2} ms of {} goals, {:.1} ms stolen in {:.0} s",
+            self.at(0.5),
+            self.at(0.9),
+            self.at(0.99),
+            self.took_ms.len(),
+            self.stolen_ms,
+            self.lasted_s
+        )
+    }
+}
+
+/// Shows the times of all goals (when each was given, and ms until its first set-point) by windows, and holds the quietest against its bars.
+pub(super) fn show_windows(
+    report: &mut Report,
+    line: &dyn Fn(&str) -> String,
+    took_ms: &[(Instant, f64)],
+    stolen: &StolenTimes,
+) {
+    let length = took_ms.len().div_ceil(WINDOWS).max(1);
+    let parts = took_ms.chunks(length);
+    let windows: Vec<Window> = parts.map(|part| Window::of(part, stolen)).collect();
+    for (index, window) in windows.iter().enumerate() {
+        let what = format!("window {index}, goal to first set-point");
+        report.shown(&line(&what), window.text());
+    }
+    let quietest = windows
+        .iter()
+        .min_by(|a, b| a.stolen_share().total_cmp(&b.stolen_share()));
+    for (name, share, bar_ms) in [("median", 0.5, 6.0), ("p99", 0.99, 15.0)] {
+        let what = format!(
+            "goal to first set-point in the window with the least share of stolen time, {name} ms"
+        );
+        let figure = quietest.map_or(f64::NAN, |window| window.at(share));
+        report.at_most(&line(&what), figure, bar_ms);
+    }
+}
