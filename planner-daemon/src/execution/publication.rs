@@ -52,8 +52,11 @@ impl Supervisor {
         if let Some(absence) = self.live.absence(now) {
             return Err(absence.into());
         }
-        let stopping_s = self.rules.stopping_s(&selected.motion);
-        let certificates = self.certify(selected, schedule.timing, stopping_s)?;
+        // The longest stop takes long to find, and its certificate needs it among moving obstacles alone: else it is found once the motion is
+        // on its way.
+        let stopping_s = || self.rules.stopping_s(&selected.motion);
+        let foreseen_s = self.live.moves().then(stopping_s);
+        let certificates = self.certify(selected, schedule.timing, foreseen_s.unwrap_or(0.0))?;
         if mono_now_ns() > until_mono_ns {
             return Err(ExecutionRefusal::SupervisionStalled);
         }
@@ -67,6 +70,7 @@ impl Supervisor {
         });
         let id = next_id(self.last_id, spoken_of, now);
         self.send(selected, id, &schedule)?;
+        let stopping_s = foreseen_s.unwrap_or_else(stopping_s);
         self.last_id = id;
         let motion = SupervisedMotion::new(
             id,

@@ -359,6 +359,12 @@ impl LiveScene {
         SceneSnapshot(latest.map(snapshot).collect())
     }
 
+    /// Whether an obstacle moves, by the newest scene of its source.
+    pub(crate) fn moves(&self) -> bool {
+        let mut latest = self.sources.iter().filter_map(|it| it.latest.as_ref());
+        latest.any(RetainedScene::moves)
+    }
+
     /// Why no motion may be published now; none where one may.
     pub(crate) fn absence(&self, now_mono_ns: i64) -> Option<SceneAbsence> {
         self.missing(now_mono_ns, 0, |_| false)
