@@ -128,23 +128,26 @@ impl GoalSender {
     }
 
     fn send(&mut self, goal: StandingGoal) -> Result<(), ClientError> {
-        self.cleaner.clean_if_due(&self.node);
-        if self.topic.number_of_subscribers() == 0 {
-            return Err(ClientError::NoServer {
-                server: DAEMON,
-                waited: Duration::ZERO,
-            });
-        }
         let wire = goal.to_wire();
         StandingGoal::try_from(&wire).map_err(ClientError::InvalidRequest)?;
-        self.goals
-            .send_copy(wire)
-            .map_err(|reason| ClientError::transport("send a goal", reason))?;
-        self.sent = Some(goal);
-        self.asked
-            .notify()
-            .map_err(|reason| ClientError::transport("tell the daemon of a goal", reason))?;
-        Ok(())
+        if self.topic.number_of_subscribers() > 0 {
+            self.goals
+                .send_copy(wire)
+                .map_err(|reason| ClientError::transport("send a goal", reason))?;
+            self.sent = Some(goal);
+            self.asked
+                .notify()
+                .map_err(|reason| ClientError::transport("tell the daemon of a goal", reason))?;
+        }
+        // A clean-up takes milliseconds, for which no goal waits; after it a daemon that died is no subscriber any more.
+        self.cleaner.clean_if_due(&self.node);
+        match self.topic.number_of_subscribers() {
+            0 => Err(ClientError::NoServer {
+                server: DAEMON,
+                waited: Duration::ZERO,
+            }),
+            _ => Ok(()),
+        }
     }
 
     /// The newest status of the goal that was given last; none until the daemon has heard it.

@@ -223,8 +223,10 @@ impl Client {
     /// # Errors
     /// [`ClientError::ServerLost`] if there will be no answer, [`ClientError::BadMessage`], [`ClientError::Transport`].
     pub fn poll(&mut self, pending: &mut Pending) -> Result<Option<PlanAnswer>, ClientError> {
-        self.cleaner.clean_if_due(&self.node);
         let received = pending.receive();
+        if let Ok(None) = received {
+            self.cleaner.clean_if_due(&self.node);
+        }
         self.cleanup_dead_nodes(&received);
         received
     }

@@ -7,8 +7,8 @@ use shared_types::codes::Sampler;
 
 /// Time from a motion that is ready until the controller's loop has it, where that is not to be missed.
 pub(super) const TO_THE_LOOP: Duration = Duration::from_micros(2_500);
-/// The same among obstacles that rest, where publication takes a millisecond less.
-pub(super) const TO_THE_LOOP_AMONG_RESTING: Duration = Duration::from_micros(1_800);
+/// The same among obstacles that rest, where a motion is sent before its longest stop is found.
+pub(super) const TO_THE_LOOP_AMONG_RESTING: Duration = Duration::from_micros(2_200);
 /// Lead of the first requests of a kind, before it is known how long they take.
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
