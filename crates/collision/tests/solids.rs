@@ -103,6 +103,25 @@ fn scene_of(random: &mut Pcg64, make: Maker, count: usize) -> Scene {
     Scene::with_solids(Vec::new(), solids).unwrap()
 }
 
+#[test]
+fn triangles_of_every_surface_face_outward() {
+    let random = &mut random(31);
+    for (kind, make) in KINDS {
+        let solid = make(random);
+        let (vertices, triangles) = solid.surface();
+        assert!(!triangles.is_empty());
+        for triangle in triangles {
+            let [a, b, c] = triangle.map(|index| vertices[index as usize]);
+            // More than what a capsule's triangles are inside its surface.
+            let out = 0.004 * (b - a).cross(&(c - a)).normalize();
+            let middle = (a + b + c) / 3.0;
+            let [outside, inside] = [middle + out, middle - out];
+            assert!(solid.nearest(&outside).distance > 0.0, "{kind}");
+            assert!(solid.nearest(&inside).distance < 0.0, "{kind}");
+        }
+    }
+}
+
 /// Clearance of a section over many of its points, exact for each.
 fn sampled(backbone: &Backbone, scene: &Scene, section: usize, tube_radius: f64) -> f64 {
     let distances = (0..=1000).flat_map(|i| {

@@ -71,7 +71,8 @@ impl Solid {
         ))
     }
 
-    /// What a closed surface of triangles, counter-clockwise as seen from outside, encloses. It must not cut itself.
+    /// What a closed surface of triangles encloses. The surface must not cut itself; whoever looks at a triangle from outside the solid sees
+    /// its three vertices in counter-clockwise order.
     ///
     /// Vertices at exactly the same place are one.
     ///
@@ -156,8 +157,9 @@ impl Solid {
         }
     }
 
-    /// The surface as triangles, for pictures: vertices (base frame) and the indices of three for each triangle, counter-clockwise as seen
-    /// from outside. Those of a capsule lie inside its round surface by 1 % of its radius at most.
+    /// The surface as triangles, for pictures: the vertices (base frame), and for each triangle the indices of its three vertices.
+    /// Whoever looks at a triangle from outside the solid sees them in counter-clockwise order: the normal by the right-hand rule points
+    /// out of the solid. The triangles of a capsule lie inside its round surface, by 1 % of its radius at most.
     #[must_use]
     pub fn surface(&self) -> (Vec<Point>, Vec<[u32; 3]>) {
         let (vertices, triangles) = match &self.shape {

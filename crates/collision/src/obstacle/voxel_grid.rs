@@ -82,22 +82,32 @@ impl Voxels {
         self.surface.local_aabb()
     }
 
-    /// Vertices, and triangles as seen from outside in either order around them.
+    /// The surface's vertices, and triangles whose normals by the right-hand rule point out of the filled cells.
     pub(crate) fn surface(&self) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-        let surface = &self.surface;
-        (surface.vertices().to_vec(), surface.indices().to_vec())
+        let vertices = self.surface.vertices();
+        let outward = |&[a, b, c]: &[u32; 3]| {
+            let [p, q, r] = [a, b, c].map(|index| vertices[index as usize]);
+            let normal = (q - p).cross(r - p).normalize();
+            let beyond = (p + q + r) / 3.0 + normal * (0.5 * self.grid.cell);
+            match self.is_inside(beyond) {
+                true => [a, c, b],
+                false => [a, b, c],
+            }
+        };
+        let triangles = self.surface.indices().iter().map(outward).collect();
+        (vertices.to_vec(), triangles)
+    }
+
+    fn is_inside(&self, point: DVec3) -> bool {
+        let cell = (point / self.grid.cell).floor();
+        let place = [cell.x, cell.y, cell.z].map(|v| v as i64);
+        self.grid.is_filled(place)
     }
 
     /// The nearest point of the surface, and whether the point is in a filled cell.
     pub(crate) fn nearest(&self, point: DVec3) -> (DVec3, bool) {
-        let cell = (point / self.grid.cell).floor();
-        let is_inside = self
-            .grid
-            .is_filled([cell.x, cell.y, cell.z].map(|v| v as i64));
-        (
-            self.surface.project_local_point(point, false).point,
-            is_inside,
-        )
+        let nearest = self.surface.project_local_point(point, false).point;
+        (nearest, self.is_inside(point))
     }
 }
 

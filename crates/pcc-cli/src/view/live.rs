@@ -2,6 +2,7 @@
 
 mod hub;
 mod server;
+mod sources;
 mod watcher;
 
 use self::hub::Hub;

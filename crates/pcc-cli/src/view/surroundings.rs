@@ -54,14 +54,21 @@ impl Surroundings {
 
     /// All balls, with those of the file.
     pub(super) fn balls(&self) -> Vec<BallTrack> {
-        let of_file = self.file.balls().iter().map(|ball| BallTrack {
+        let mut balls = self.balls_of_file();
+        balls.extend(&self.tracks);
+        balls
+    }
+
+    /// What always is there.
+    pub(super) fn balls_of_file(&self) -> Vec<BallTrack> {
+        let balls = self.file.balls().iter().map(|ball| BallTrack {
             centre: ball.centre.into(),
             velocity: [0.0; 3],
             radius: ball.radius,
             from_s: -ALWAYS_S,
             until_s: ALWAYS_S,
         });
-        of_file.chain(self.tracks.iter().copied()).collect()
+        balls.collect()
     }
 
     /// The solids of the file.

@@ -1,7 +1,7 @@
 // node check.mjs FOLDER PAGE…: opens each page of a file at both sizes, takes pictures of it, and operates every control of it.
 import { basename } from "node:path";
 import { pathToFileURL } from "node:url";
-import { SIZES, controls, inOrder, keep, launch, look, open, tell } from "./driver.mjs";
+import { SIZES, controls, inOrder, keep, launch, look, open, step, tell } from "./driver.mjs";
 import { operateAll } from "./view_controls.mjs";
 
 // Time from the navigation to the first picture, ms.
@@ -54,7 +54,7 @@ for (const file of pages) {
     const name = basename(file, ".html"), title = `${name}, ${size.name}`;
     const opened = await open(browser, size, pathToFileURL(file).href);
     const isView = (await opened.page.waitForLoadState("domcontentloaded"), await opened.page.locator("#scene").count()) > 0;
-    await (isView ? checkView : checkOther)(opened, title, folder, name);
+    await step(`${title}: its checks`, () => (isView ? checkView : checkOther)(opened, title, folder, name));
     tell(`${title}: errors and warnings on the console`, opened.errors.join("; ") || "none", "no line", opened.errors.length === 0);
     await opened.context.close();
   }

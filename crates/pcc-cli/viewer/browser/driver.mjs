@@ -9,11 +9,36 @@ export const SIZES = [
 ];
 // Least side of what is touched, pixels.
 const TOUCHED_PX = 24;
+// Longest single step of the browser; longest time that a control is operated, and that a page is checked, ms.
+const STEP_MS = 15000;
+const CONTROL_MS = 40000;
+export const PAGE_MS = 300000;
 const CONTROLS = "button, input, select, textarea, a[href], summary, canvas, [onclick], [role=button]";
 
 export function tell(name, figure, bar, passed) {
   console.log(JSON.stringify({ name, figure: String(figure), bar, passed }));
 }
+
+// What comes of something, within a time.
+export async function bounded(doing, ms) {
+  let timer;
+  const late = new Promise((_, fail) => {
+    timer = setTimeout(() => fail(new Error(`does not come to an end within ${ms / 1000} s`)), ms);
+  });
+  return Promise.race([doing, late]).finally(() => clearTimeout(timer));
+}
+
+// Does something; tells of it by its name where it fails, or takes too long.
+export async function step(name, act, ms = PAGE_MS) {
+  try {
+    return await bounded(act(), ms);
+  } catch (error) {
+    tell(name, firstLine(error), `an end within ${ms / 1000} s`, false);
+    throw error;
+  }
+}
+
+const firstLine = (error) => error.message.split("\n")[0];
 
 export function launch() {
   const executablePath = process.env.CHROMIUM;
@@ -21,10 +46,11 @@ export function launch() {
   return chromium.launch({ executablePath, args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"] });
 }
 
-// A page of a size; `errors` collects what it says on its console and does not catch.
-export async function open(browser, size, address) {
+// A page of a size; `errors` collects what it says on its console and does not catch. `prepare` is done before it goes to its address.
+export async function open(browser, size, address, prepare = async () => {}) {
   const { name: _, ...options } = size;
   const context = await browser.newContext(options);
+  context.setDefaultTimeout(STEP_MS);
   const page = await context.newPage();
   const errors = [];
   page.on("console", (message) => {
@@ -32,6 +58,7 @@ export async function open(browser, size, address) {
   });
   page.on("pageerror", (error) => errors.push(error.message));
   page.on("requestfailed", (request) => errors.push(`${request.url().slice(0, 100)}: ${request.failure()?.errorText}`));
+  await prepare(page);
   await page.goto(address, { waitUntil: "commit" });
   return { page, errors, size: size.name, context };
 }
@@ -62,6 +89,7 @@ export async function controls(page) {
         kind: it.tagName.toLowerCase(),
         type: it.type ?? "",
         id: it.id,
+        part: it.closest("#layers, #views, #motions")?.id ?? "",
         name: (it.getAttribute("aria-label") || box.innerText || it.textContent || "").trim().split("\n")[0],
         left: rect.left, right: rect.right, height: rect.height,
       };
@@ -69,6 +97,20 @@ export async function controls(page) {
     seen.push({ control, ...told });
   }
   return seen;
+}
+
+// Operates each control that is seen, and tells of those that do not do what they are for: `operate` returns, or throws, what is wrong.
+export async function operateEach(page, title, operate) {
+  const all = await controls(page);
+  const wrong = [];
+  for (const it of all) {
+    const isGone = () => it.control.evaluate((control) => !control.isConnected);
+    // Live, motions of the past go.
+    if (await isGone()) continue;
+    const fault = await bounded(operate(page, it), CONTROL_MS).catch(firstLine);
+    if (fault && !(await isGone())) wrong.push(`${it.kind} ${it.id || it.name} ${fault}`);
+  }
+  tell(`${title}: controls that do not do what they are for`, wrong.join("; ") || "none", `none of ${all.length}`, wrong.length === 0 && all.length > 0);
 }
 
 // The page fits its width, and its controls have names, lie within it and are large enough for a finger.

@@ -1,5 +1,6 @@
-// Every control of the page that `pcc view` writes or serves, operated, and what it is for seen to happen.
-import { controls, look, tell } from "./driver.mjs";
+// Every control of the page that `pcc view` writes, operated, and what it is for seen to happen in the picture.
+import { look, operateEach } from "./driver.mjs";
+import { comeNearer, press, pressAt, setTime, timesOf, turn } from "./gestures.mjs";
 
 const text = (page, selector) => page.locator(selector).textContent();
 // The time that is shown, s.
@@ -10,18 +11,6 @@ async function changes(page, selector, act) {
   const before = await look(page, selector);
   await act();
   return before !== (await look(page, selector));
-}
-
-async function press(page, selector) {
-  await page.locator(selector).click();
-}
-
-// Goes to a share of the time that the page has, or to a time in s.
-async function setTime(page, { share, at }) {
-  await page.locator("#time").evaluate((bar, { share, at }) => {
-    bar.value = at ?? Number(bar.min) + share * (bar.max - bar.min);
-    bar.dispatchEvent(new Event("input", { bubbles: true }));
-  }, { share, at });
 }
 
 // How far the time goes in a while at a speed.
@@ -56,10 +45,8 @@ const OPERATE = {
   },
   async none(page) {
     await press(page, "#all");
-    const count = await page.locator("#motions li").count();
     const differs = await changes(page, "#picture", () => press(page, "#none"));
-    // Those that have come since are on.
-    const on = await page.locator(`#motions li:nth-child(-n+${count}) input:checked`).count();
+    const on = await page.locator("#motions input:checked").count();
     return differs && on === 0 ? "" : `leaves ${on} motions on`;
   },
   async view(page, { control, name }) {
@@ -78,27 +65,15 @@ const OPERATE = {
     await pause(page, 300);
     return went > 0.2 && stays === (await now(page)) ? "" : `went on by ${went} s, and then from ${stays} to ${await now(page)} s`;
   },
-  async live(page) {
-    await setTime(page, { share: 0.25 });
-    const before = await now(page);
-    await press(page, "#live");
-    await pause(page, 500);
-    const after = await now(page);
-    await pause(page, 500);
-    const later = await now(page);
-    await press(page, "#play");
-    return before < after && after < later ? "" : `is at ${before}, ${after} and ${later} s`;
-  },
   async speed(page) {
     const [slow, slower, plain, fast] = [await played(page, "0.1"), await played(page, "0.25"), await played(page, "1"), await played(page, "4")];
     return slow < slower && slower < plain && plain < fast ? "" : `goes on by ${[slow, slower, plain, fast]} s`;
   },
   async time(page) {
     const before = await now(page);
-    const box = await page.locator("#time").boundingBox();
     for (const share of [0.8, 0.3]) {
       const label = await text(page, "#now");
-      const drawn = await changes(page, "#under", () => page.mouse.click(box.x + share * box.width, box.y + box.height / 2));
+      const drawn = await changes(page, "#under", () => pressAt(page, "#time", share));
       if (!drawn || (await text(page, "#now")) === label) return `shows nothing else at ${share} of it`;
     }
     return (await now(page)) === before ? "ends where it began" : "";
@@ -113,73 +88,33 @@ const OPERATE = {
   },
   async plot(page) {
     await setTime(page, { share: 0.9 });
-    const box = await page.locator("#plot").boundingBox();
     const before = await now(page);
-    await page.locator("#plot").click({ position: { x: box.width / 2, y: box.height / 2 } });
+    await pressAt(page, "#plot", 0.5);
     return (await now(page)) < before ? "" : "does not go where it is clicked";
   },
   async scene(page) {
-    const box = await page.locator("#scene").boundingBox();
-    const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
-    const isTouched = await page.evaluate(() => "ontouchstart" in window);
-    const turned = await changes(page, "#picture", () => (isTouched ? swipe(page, x, y) : drag(page, x, y)));
-    if (!turned) return "is not turned";
-    const nearer = await changes(page, "#picture", () => (isTouched ? pinch(page, x, y) : page.mouse.wheel(0, -300)));
-    return nearer ? "" : "does not come nearer";
+    if (!(await changes(page, "#picture", () => turn(page)))) return "is not turned";
+    return (await changes(page, "#picture", () => comeNearer(page))) ? "" : "does not come nearer";
   },
-};
-
-async function drag(page, x, y) {
-  await page.mouse.move(x, y);
-  await page.mouse.down();
-  await page.mouse.move(x + 80, y + 20, { steps: 4 });
-  await page.mouse.up();
-}
-
-async function touch(page, ...frames) {
-  const protocol = await page.context().newCDPSession(page);
-  for (const [index, touchPoints] of frames.entries()) {
-    const type = touchPoints.length === 0 ? "touchEnd" : index === 0 ? "touchStart" : "touchMove";
-    await protocol.send("Input.dispatchTouchEvent", { type, touchPoints });
-  }
-}
-
-const swipe = (page, x, y) => touch(page, [{ x, y }], [{ x: x + 40, y: y + 10 }], [{ x: x + 80, y: y + 20 }], []);
-const pinch = (page, x, y) => {
-  const fingers = (apart) => [{ x: x - apart, y, id: 0 }, { x: x + apart, y, id: 1 }];
-  return touch(page, fingers(30), fingers(50), fingers(70), []);
 };
 
 // A time at which a motion's body is there: of one that names its begin, just after that.
 function timeOf(name) {
-  const begin = name.match(/: (-?[\d.]+) to /);
-  return begin ? { at: parseFloat(begin[1]) + 0.05 } : { share: 0.5 };
+  const times = timesOf(name);
+  return times ? { at: times[0] + 0.05 } : { share: 0.5 };
 }
 
 async function operate(page, it) {
-  const isMotion = await it.control.evaluate((control) => control.closest("#motions") !== null);
-  const isView = await it.control.evaluate((control) => control.closest("#views") !== null);
-  const act = OPERATE[it.id] ?? (isView ? OPERATE.view : OPERATE[it.type]);
+  const act = OPERATE[it.id] ?? (it.part === "views" ? OPERATE.view : OPERATE[it.type]);
   if (!act) return "is not known to this test";
-  return (await act(page, it, isMotion)) || "";
+  if (it.part === "layers") {
+    // It needs something to show.
+    await press(page, "#all");
+    await page.getByRole("button", { name: "Top", exact: true }).click();
+    await setTime(page, { share: 0.5 });
+  }
+  if (it.id === "colour") await press(page, "#all");
+  return act(page, it, it.part === "motions");
 }
 
-// Operates each; layers need something that they show.
-export async function operateAll(page, title) {
-  const all = await controls(page);
-  const wrong = [];
-  for (const it of all) {
-    // Live, motions of the past go.
-    if (!(await it.control.evaluate((control) => control.isConnected))) continue;
-    const isLayer = await it.control.evaluate((control) => control.closest("#layers") !== null);
-    if (isLayer) {
-      await press(page, "#all");
-      await page.getByRole("button", { name: "Top", exact: true }).click();
-      await setTime(page, { share: 0.5 });
-    }
-    if (it.id === "colour") await press(page, "#all");
-    const fault = await operate(page, it);
-    if (fault) wrong.push(`${it.kind} ${it.id || it.name} ${fault}`);
-  }
-  tell(`${title}: controls that do not do what they are for`, wrong.join("; ") || "none", `none of ${all.length}`, wrong.length === 0 && all.length > 0);
-}
+export const operateAll = (page, title) => operateEach(page, title, operate);

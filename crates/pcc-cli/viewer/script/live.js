@@ -8,9 +8,18 @@ const KEPT_S = 60;
 class LiveViewer extends Viewer {
   constructor(view) {
     super(view, (text) => Array.from(floats(text)));
-    this.follows = true;
+    this.letGoOf = -Infinity;
     element("live").hidden = false;
     element("live").addEventListener("click", () => this.follow());
+    this.follow();
+  }
+
+  // The whole state once more, as after a connection that was lost: it takes the place of all that was told before.
+  begin(view) {
+    this.take(view);
+    this.letGoOf = -Infinity;
+    Object.assign(this.span, { from_s: 0, until_s: 0 });
+    this.legend();
     this.follow();
   }
 
@@ -52,39 +61,55 @@ class LiveViewer extends Viewer {
     });
     this.curves.forEach((set, index) => {
       set.time.push(time_s);
-      set.values.forEach((values, line) => values.push(curves[index][line]));
+      set.values.forEach((values, line) => values.push(curves[index][line] ?? NaN));
       if (set.time[0] < oldest - 10) [set.time, ...set.values].forEach((values) => values.splice(0, 500));
     });
     this.span.from_s = Math.max(oldest, this.curves[0].time[0]);
     this.span.until_s = time_s;
-    if (this.follows || this.now < this.span.from_s) this.now = this.follows ? time_s : this.span.from_s;
+    this.now = this.follows ? time_s : Math.max(this.now, this.span.from_s);
+    this.letGo(oldest);
     this.changed();
   }
 
   // The balls of a source: they take the place of those that it told of before.
   scene({ source, balls, time_s }) {
-    const kept = this.obstacles.tracks.filter((track) => track.until_s > this.span.from_s);
-    for (const track of kept) if (track.source === source) track.until_s = Math.min(track.until_s, time_s);
-    this.obstacles.tracks = kept.concat(balls.map((ball) => ({ ...ball, source })));
+    const { tracks } = this.obstacles;
+    for (const track of tracks) if (track.source === source) track.until_s = Math.min(track.until_s, time_s);
+    this.obstacles.tracks = tracks.concat(balls.map((ball) => ({ ...ball, source })));
+    this.letGo(time_s - KEPT_S);
     this.changed();
   }
 
   // A motion that was published.
   motion({ begins_s, motion }) {
-    for (const old of this.motions.slice(2)) if (old.time.at(-1) < this.span.from_s) this.removeMotion(old);
-    this.marks = this.marks.filter((mark) => mark.time_s >= this.span.from_s).concat([{ time_s: begins_s }]);
+    this.marks = this.marks.concat([{ time_s: begins_s }]);
     this.addMotion(motion, true);
+    this.letGo(begins_s - KEPT_S);
     this.legend();
     this.changed();
   }
 
+  // What was over at a time; once a second.
+  letGo(oldest) {
+    if (oldest < this.letGoOf + 1) return;
+    this.letGoOf = oldest;
+    for (const motion of this.motions.slice(2)) if (motion.time.at(-1) < oldest) this.removeMotion(motion);
+    this.marks = this.marks.filter((mark) => mark.time_s >= oldest);
+    this.obstacles.tracks = this.obstacles.tracks.filter((track) => track.until_s >= oldest);
+  }
+
+  // A page that is paused rests: what is told meanwhile is drawn when it is operated, or goes on.
   changed() {
-    if (this.waits) return;
+    if (this.waits || !this.follows) return;
     this.waits = true;
     requestAnimationFrame(() => {
       this.waits = false;
       this.draw();
     });
+  }
+
+  shown() {
+    return { ...super.shown(), follows: this.follows, isPlaying: this.isPlaying };
   }
 }
 
@@ -95,11 +120,15 @@ export function listen(ready) {
   on("view", (view, text) => {
     if (viewer && text !== shown) return location.reload();
     shown = text;
-    if (viewer) return;
+    // The server tells it first of all on each connection.
+    if (viewer) return viewer.begin(view);
     viewer = new LiveViewer(view);
     ready(viewer);
   });
   for (const name of ["frame", "scene", "motion"]) on(name, (told) => viewer?.[name](told));
   on("status", ({ lines }) => element("state").replaceChildren(...lines.map((line) => Object.assign(document.createElement("span"), { textContent: line }))));
-  source.addEventListener("error", () => { element("state").textContent = "pcc view --live does not answer; waiting for it"; });
+  source.addEventListener("error", () => {
+    const isOver = source.readyState === EventSource.CLOSED;
+    element("state").textContent = isOver ? "pcc view --live has begun anew: open the address that it says" : "pcc view --live does not answer; waiting for it";
+  });
 }

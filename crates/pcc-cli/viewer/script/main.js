@@ -3,6 +3,7 @@ import { listen } from "./live.js";
 import { Viewer, element } from "./viewer.js";
 
 function ready(viewer) {
+  window.pccView = Object.freeze({ shown: () => viewer.shown() });
   const wanted = new URLSearchParams(location.hash.slice(1));
   if (wanted.get("motions") === "all") viewer.switchAll(true);
   if (wanted.has("time")) viewer.goTo(Math.min(Math.max(Number(wanted.get("time")) || 0, 0), viewer.span.until_s));

@@ -22,6 +22,8 @@ export class Motion {
     this.ringMaterial = new THREE.MeshStandardMaterial({ ...look, color: new THREE.Color(hue).multiplyScalar(0.7) });
     this.tipPath = new Line2(new LineGeometry(), new LineMaterial({ vertexColors: true, linewidth: 2.5 }));
     this.tipPath.frustumCulled = false;
+    // Until a picture has them.
+    this.body.visible = this.tipPath.visible = false;
     this.group.add(this.body, this.tipPath);
     this.tips = [];
     // The configuration of the body; the time up to which the tip path is drawn, and when it was.
@@ -98,6 +100,13 @@ export class Motion {
     const mesh = new THREE.Mesh(geometry, material);
     this.body.add(mesh);
     return mesh;
+  }
+
+  // What the picture has of it.
+  seen() {
+    const { name, hue, group, body, tipPath, material } = this;
+    const colour = `#${material.color.getHexString()}`;
+    return { name, hue, colour, body: group.visible && body.visible, tipPath: group.visible && tipPath.visible };
   }
 
   dispose() {

@@ -60,6 +60,7 @@ export class Plot {
 
   drawStill(curves, marks, ratio, style) {
     const { still, pen } = this;
+    this.curves = curves.name;
     [still.width, still.height] = [this.width * ratio, this.height * ratio];
     pen.scale(ratio, ratio);
     const [soft, line] = ["--soft", "--line"].map((name) => style.getPropertyValue(name));

@@ -95,4 +95,10 @@ export class Obstacles {
     this.spheres.count = there.length;
     this.spheres.instanceMatrix.needsUpdate = true;
   }
+
+  // How many the picture has.
+  shown() {
+    const solids = this.group.children.filter((part) => part !== this.spheres).length;
+    return this.group.visible ? this.spheres.count + solids : 0;
+  }
 }

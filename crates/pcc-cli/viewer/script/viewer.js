@@ -26,8 +26,8 @@ function checkbox(parent, name, hue, on, change) {
 export class Viewer {
   // What `pcc view` tells; samples that more are added to are arrays.
   constructor(view, samples = floats) {
-    const { robot, balls, solids, marks } = view;
-    Object.assign(this, { view, marks, samples });
+    const { robot, solids } = view;
+    Object.assign(this, { view, samples });
     this.span = { from_s: 0, until_s: view.duration_s };
     this.now = 0;
     this.isPlaying = false;
@@ -35,11 +35,9 @@ export class Viewer {
     const reach = robot.section_lengths.reduce((sum, length) => sum + length, 0);
     this.stage = new Stage(element("scene"), reach, robot.tube_radii[0]);
     this.obstacles = new Obstacles(solids);
-    this.obstacles.tracks = balls;
     this.stage.scene.add(this.obstacles.group);
     this.motions = [];
-    view.motions.forEach((motion) => this.addMotion(motion, motion.is_selected || view.motions.length <= FEW));
-    this.curves = view.curves.map((curves) => ({ ...curves, time: samples(curves.time_s), values: curves.values.map(samples) }));
+    this.take(view);
     this.plot = new Plot(element("plot"), this.span, (time) => this.goTo(time));
     this.layers();
     this.buttons();
@@ -51,10 +49,20 @@ export class Viewer {
     this.draw();
   }
 
+  // What a view tells, in place of what there was; motions of the same name stay on or off.
+  take({ balls, motions, curves, marks }) {
+    const wasOn = new Map(this.motions.map((motion) => [motion.name, motion.group.visible]));
+    for (const motion of this.motions) this.removeMotion(motion);
+    this.added = 0;
+    this.marks = marks;
+    this.obstacles.tracks = balls;
+    motions.forEach((motion) => this.addMotion(motion, wasOn.get(motion.name) ?? (motion.is_selected || motions.length <= FEW)));
+    this.curves = curves.map((set) => ({ ...set, time: this.samples(set.time_s), values: set.values.map(this.samples) }));
+  }
+
   addMotion(motion, on) {
     const { samples, view } = this;
-    const index = this.added ?? 0;
-    this.added = index + 1;
+    const index = this.added++;
     const shown = new Motion({
       name: motion.name,
       hue: HUES[index % HUES.length],
@@ -204,6 +212,21 @@ export class Viewer {
     this.stage.render();
     const curves = this.curves[element("curves").value || 0];
     if (curves) this.plot.draw(curves, this.marks, this.now);
+  }
+
+  // What the newest picture has, and how many there were: for a program that looks at the page.
+  shown() {
+    const { camera, controls, ground, renderer } = this.stage;
+    return {
+      now_s: this.now,
+      ...this.span,
+      pictures: renderer.info.render.frame,
+      camera: camera.position.clone().sub(controls.target).toArray(),
+      ground: ground.visible,
+      obstacles: this.obstacles.shown(),
+      motions: this.motions.map((motion) => motion.seen()),
+      curves: this.plot.curves,
+    };
   }
 
   fit() {

@@ -2,15 +2,17 @@
 
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 /// Events that wait for a page; one that is slower is let go of, and joins anew.
 const WAITING: usize = 256;
 
-/// What a page that comes later is told first, in this order.
+/// What a page that joins is told first, in this order: the whole state, which takes the place of all that it was told before.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kept {
+    /// Where a page begins anew.
     View,
     Status,
     Motion,
@@ -29,6 +31,13 @@ impl Kept {
     }
 }
 
+/// An event, and when it was told to a page.
+#[derive(Debug)]
+pub(super) struct Told {
+    pub(super) event: Arc<str>,
+    pub(super) at: Instant,
+}
+
 /// The pages that are there, and what was told last.
 #[derive(Default)]
 pub(super) struct Hub(Mutex<State>);
@@ -36,7 +45,7 @@ pub(super) struct Hub(Mutex<State>);
 #[derive(Default)]
 struct State {
     kept: BTreeMap<Kept, Arc<str>>,
-    pages: Vec<SyncSender<Arc<str>>>,
+    pages: Vec<SyncSender<Told>>,
 }
 
 impl Hub {
@@ -49,6 +58,11 @@ impl Hub {
         Ok(())
     }
 
+    /// Tells those that come later no more of it.
+    pub(super) fn forget(&self, kept: &Kept) {
+        self.lock().kept.remove(kept);
+    }
+
     /// Tells every page that is there.
     pub(super) fn tell(&self, name: &str, value: &impl Serialize) -> anyhow::Result<()> {
         let event = event(name, value)?;
@@ -56,16 +70,13 @@ impl Hub {
         Ok(())
     }
 
-    /// What a page is to be told from now on.
-    pub(super) fn join(&self) -> Receiver<Arc<str>> {
+    /// What a page is to be told from now on: what is kept, and then each event. It ends where the page is too slow.
+    pub(super) fn join(&self) -> impl Iterator<Item = Told> + use<> {
         let (page, events) = sync_channel(WAITING);
         let mut state = self.lock();
-        for event in state.kept.values() {
-            // It is empty, and has room for more than is kept.
-            let _ = page.try_send(Arc::clone(event));
-        }
+        let kept: Vec<Told> = state.kept.values().map(Told::now).collect();
         state.pages.push(page);
-        events
+        kept.into_iter().chain(events)
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -75,11 +86,20 @@ impl Hub {
 
 impl State {
     fn send(&mut self, event: &Arc<str>) {
-        let has_room = |page: &SyncSender<Arc<str>>| match page.try_send(Arc::clone(event)) {
+        let has_room = |page: &SyncSender<Told>| match page.try_send(Told::now(event)) {
             Ok(()) => true,
             Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => false,
         };
         self.pages.retain(has_room);
+    }
+}
+
+impl Told {
+    fn now(event: &Arc<str>) -> Self {
+        Self {
+            event: Arc::clone(event),
+            at: Instant::now(),
+        }
     }
 }
 
@@ -93,20 +113,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_page_that_comes_later_is_told_what_is_kept_and_a_slow_one_is_let_go_of() {
+    fn a_page_that_joins_is_told_what_is_kept_first_and_a_slow_one_is_let_go_of() {
         let hub = Hub::default();
         hub.keep(Kept::Status, &1).unwrap();
         hub.keep(Kept::View, &2).unwrap();
         hub.keep(Kept::Status, &3).unwrap();
+        hub.keep(Kept::Scene("gone".to_owned()), &4).unwrap();
         hub.tell("frame", &4).unwrap();
+        hub.forget(&Kept::Scene("gone".to_owned()));
         let slow = hub.join();
         for _ in 0..2 * WAITING {
             hub.tell("frame", &5).unwrap();
         }
-        let told: Vec<_> = slow.iter().collect();
+        let told: Vec<_> = slow.map(|told| told.event).collect();
         assert_eq!(&*told[0], "event: view\ndata: 2\n\n");
         assert_eq!(&*told[1], "event: status\ndata: 3\n\n");
         assert_eq!(&*told[2], "event: frame\ndata: 5\n\n");
-        assert_eq!(told.len(), WAITING);
+        assert_eq!(told.len(), 2 + WAITING);
+    }
+
+    #[test]
+    fn each_page_that_joins_is_told_everything_that_is_kept() {
+        let hub = Hub::default();
+        for source in 0..2 * WAITING {
+            hub.keep(Kept::Scene(source.to_string()), &source).unwrap();
+        }
+        for _ in 0..2 {
+            assert_eq!(hub.join().take(2 * WAITING).count(), 2 * WAITING);
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! What is told to pages: what the controller commands and measures, the live scene, the motions, and who is there.
 
 use super::hub::{Hub, Kept};
+use super::sources::Sources;
 use crate::view::page::{Body, Curves, Motion, View};
 use crate::view::recorded::{Clock, components, foreseen, numbered, published};
 use crate::view::samples::Samples;
@@ -10,10 +11,10 @@ use client::{ControllerView, RobotView};
 use iceoryx2::prelude::ZeroCopySend;
 use serde::Serialize;
 use shared_types::capacity::TENDONS;
-use shared_types::clock::{STATE_LIFETIME_NS, mono_now_ns};
+use shared_types::clock::{STATE_LIFETIME_NS, mono_now_ns, wall_now_ns};
 use shared_types::ipc::{self, IpcNode, IpcOptions, Subscriber};
 use shared_types::message::{RobotDescription, SceneMessage, TrajectoryMessage};
-use shared_types::valid::{ControllerState, RobotState};
+use shared_types::valid::{ControllerState, RobotState, Scene, stamp_refusal};
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::path::Path;
@@ -34,8 +35,7 @@ pub(super) struct Watcher {
     clock: Clock,
     description: Option<RobotDescription>,
     around: Surroundings,
-    /// The balls of each source.
-    balls: BTreeMap<String, Vec<BallTrack>>,
+    sources: Sources,
     last_frame_ns: i64,
     last_status_ns: i64,
     absent: Vec<&'static str>,
@@ -86,7 +86,7 @@ impl Watcher {
             clock: Clock(mono_now_ns()),
             description: None,
             around: Surroundings::of_file(scene, 1.0)?,
-            balls: BTreeMap::new(),
+            sources: Sources::default(),
             last_frame_ns: 0,
             last_status_ns: 0,
             absent: Vec::new(),
@@ -99,7 +99,7 @@ impl Watcher {
         let controller = self.controller.latest_state()?;
         let robot = self.robot.latest()?;
         self.tell_robot(hub)?;
-        self.tell_scenes(hub, now_ns)?;
+        self.tell_scenes(hub)?;
         self.tell_motions(hub)?;
         self.tell_frame(hub, controller.as_ref(), robot.as_ref())?;
         if now_ns - self.last_status_ns >= STATUS_PERIOD_NS {
@@ -114,6 +114,7 @@ impl Watcher {
         for description in received(&self.descriptions)? {
             let before = self.description.replace(description);
             if before.is_none_or(|before| before.robot_hash != description.robot_hash) {
+                hub.forget(&Kept::Motion);
                 hub.keep(Kept::View, &self.view(&description))?;
             }
         }
@@ -124,7 +125,7 @@ impl Watcher {
     fn view(&self, description: &RobotDescription) -> View {
         let body = body(description);
         let motion = |name: &str| Motion::new(name.to_owned(), &[], &body, &self.around);
-        let tendons = numbered(description.tendon_count as usize);
+        let tendons = numbered(tendon_count(description));
         let curves = |name, unit, labels: &[String]| Curves {
             name,
             unit,
@@ -139,7 +140,7 @@ impl Watcher {
             robot: body,
             duration_s: 0.0,
             clearance_range: [0.0, room],
-            balls: self.around.balls(),
+            balls: self.around.balls_of_file(),
             solids: self.around.solids(),
             motions: vec![
                 Motion {
@@ -158,13 +159,14 @@ impl Watcher {
         }
     }
 
-    fn tell_scenes(&mut self, hub: &Hub, now_ns: i64) -> anyhow::Result<()> {
-        let mut told = BTreeMap::new();
-        for scene in received(&self.scenes)? {
-            let name = String::from_utf8_lossy(&scene.source);
-            told.insert(name.trim_end_matches('\0').to_owned(), scene);
+    fn tell_scenes(&mut self, hub: &Hub) -> anyhow::Result<()> {
+        let mut newest = BTreeMap::new();
+        for message in received(&self.scenes)? {
+            if let Some(source) = source_of(&message) {
+                newest.insert(source, message);
+            }
         }
-        for (source, scene) in told {
+        for (source, scene) in newest {
             let balls = foreseen(&scene, self.clock);
             let message = SourceBalls {
                 source: &source,
@@ -172,12 +174,13 @@ impl Watcher {
                 balls: &balls,
             };
             hub.keep(Kept::Scene(source.clone()), &message)?;
-            self.balls.insert(source, balls);
+            let from_s = message.time_s;
+            self.sources.replace(source, &balls, from_s);
         }
-        let now_s = self.clock.seconds(now_ns);
-        let there = self.balls.values().flatten();
-        let there = there.filter(|ball| ball.until_s >= now_s).copied();
-        self.around.tracks = there.collect();
+        for source in self.sources.forget(self.clock.seconds(mono_now_ns())) {
+            hub.forget(&Kept::Scene(source));
+        }
+        self.around.tracks = self.sources.tracks();
         Ok(())
     }
 
@@ -186,12 +189,12 @@ impl Watcher {
             let Some(description) = &self.description else {
                 continue;
             };
-            let body = body(description);
-            let motion = NewMotion {
-                begins_s: self.clock.seconds(message.begin_mono_ns),
-                motion: published(&message, self.clock, &body, &self.around)?,
-            };
-            hub.keep(Kept::Motion, &motion)?;
+            let motion = published(&message, self.clock, &body(description), &self.around);
+            let begins_s = self.clock.seconds(message.begin_mono_ns);
+            match motion {
+                Ok(motion) => hub.keep(Kept::Motion, &NewMotion { begins_s, motion })?,
+                Err(error) => say!("a published motion is not shown: {error:#}"),
+            }
         }
         Ok(())
     }
@@ -218,9 +221,9 @@ impl Watcher {
         ];
         let clearances = configurations_rad
             .map(|configuration| body.clearance(&configuration.into(), &self.around, time_s));
-        let tendons = description.tendon_count as usize;
+        let tendons = tendon_count(description);
         let measured_m = robot.map_or([f64::NAN; TENDONS], |it| it.values.measured_tendon_m);
-        let of_tendons = |lengths_m: [f64; TENDONS]| lengths_m[..tendons.min(TENDONS)].to_vec();
+        let of_tendons = |lengths_m: [f64; TENDONS]| lengths_m[..tendons].to_vec();
         let frame = Frame {
             time_s,
             configurations_rad,
@@ -267,6 +270,18 @@ impl Watcher {
         let lines = lines.map(line).to_vec();
         hub.keep(Kept::Status, &Status { lines })
     }
+}
+
+fn tendon_count(description: &RobotDescription) -> usize {
+    (description.tendon_count as usize).min(TENDONS)
+}
+
+/// The name of a scene's source; none of a scene that the daemon refuses for what it holds, or for its stamp.
+fn source_of(message: &SceneMessage) -> Option<String> {
+    let scene = Scene::try_from(message).ok()?;
+    let (stamp_ns, lifetime_ns) = (scene.stamp_mono_ns, scene.lifetime_ns);
+    let refusal = stamp_refusal(stamp_ns, lifetime_ns, mono_now_ns(), wall_now_ns());
+    refusal.is_none().then(|| scene.source.to_string())
 }
 
 fn body(description: &RobotDescription) -> Body {
