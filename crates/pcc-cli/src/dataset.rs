@@ -152,10 +152,7 @@ pub(crate) fn generate_unseen(
     out: &Path,
 ) -> anyhow::Result<()> {
     let named = |text: &str| anyhow::anyhow!("no such setting or method: {text}");
-    if Meta::is_in(out) {
-        return Ok(());
-    }
-    generate(&Arguments {
+    let arguments = Arguments {
         setting: SettingName::from_str(recipe.setting, false).map_err(|_| named(recipe.setting))?,
         method: Method::from_str(recipe.method, false).map_err(|_| named(recipe.method))?,
         balls: None,
@@ -169,7 +166,13 @@ pub(crate) fn generate_unseen(
         threads: 0,
         robot: robot.to_owned(),
         out: out.to_owned(),
-    })
+    };
+    // Also a finished set is refused where its recipe, generator or robot is another one.
+    Job::new(&arguments)?;
+    match Meta::is_in(out) {
+        true => Ok(()),
+        false => generate(&arguments),
+    }
 }
 
 struct Job<'a> {

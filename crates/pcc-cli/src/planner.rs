@@ -65,6 +65,26 @@ impl ModelArguments {
         }
     }
 
+    /// Name of the diffusion planners' weights.
+    pub(crate) fn diffusion_weights(&self) -> &str {
+        self.model.as_deref().unwrap_or(DIFFUSION_WEIGHTS)
+    }
+
+    /// Refuses options that the daemon would not read: it serves the weights `fast` of its folder, as they are.
+    pub(crate) fn refuse_for_daemon(&self) -> anyhow::Result<()> {
+        for (option, given) in [
+            ("--model", text(self.model.as_ref())),
+            ("--evaluations", text(self.evaluations)),
+        ] {
+            if let Some(value) = given {
+                bail!(
+                    "{option} {value} is not read by the daemon, which this figure needs: leave it out"
+                );
+            }
+        }
+        Ok(())
+    }
+
     /// Opens the weights that are named, or `default`, and makes a model of their file.
     fn load<M, E: Error + Send + Sync + 'static>(
         &self,

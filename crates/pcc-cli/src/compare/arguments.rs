@@ -1,6 +1,7 @@
 //! The arguments of `pcc compare`.
 
 use super::case_sets::CaseSet;
+use super::figure_name::FigureName;
 use crate::number;
 use crate::planner::ModelArguments;
 use crate::sampler::PlannerName;
@@ -22,6 +23,9 @@ pub(crate) struct Arguments {
     /// folders with a data set, and nothing but the comparison; without it those three.
     #[arg(long, value_delimiter = ',')]
     sets: Vec<CaseSet>,
+    /// Figures of the page, separated by commas, and nothing but these; without it, --planners and --sets all of them.
+    #[arg(long, value_enum, value_delimiter = ',', conflicts_with_all = ["planners", "sets"])]
+    figures: Vec<FigureName>,
     /// Cases of each set, at least 2; without it 250, with --quick 20.
     #[arg(long, value_parser = number::whole(2, usize::MAX))]
     cases: Option<usize>,
@@ -45,7 +49,8 @@ pub(crate) struct Arguments {
     pub(super) robot: PathBuf,
     #[command(flatten)]
     pub(super) models: ModelArguments,
-    /// Folder for compare.json, compare.csv and index.html; what is in it already is neither planned nor executed again.
+    /// Folder for compare.json, compare.csv and index.html; what the same programs have left in it of the same robot, weights, cases and
+    /// options is neither planned nor executed again, and what is of others is refused.
     #[arg(long)]
     pub(super) out: PathBuf,
 }
@@ -61,14 +66,22 @@ impl Arguments {
 
     pub(super) fn sets(&self) -> Vec<CaseSet> {
         match self.sets.is_empty() {
+            _ if !self.figures.is_empty() => Vec::new(),
             true => CaseSet::COMPARED.to_vec(),
             false => self.sets.clone(),
         }
     }
 
-    /// Whether the page has the paper's figures, too.
+    pub(super) fn figures(&self) -> Vec<FigureName> {
+        match self.is_whole_page() {
+            true => FigureName::value_variants().to_vec(),
+            false => self.figures.clone(),
+        }
+    }
+
+    /// Whether the page has the comparison and all figures.
     pub(super) fn is_whole_page(&self) -> bool {
-        self.planners.is_empty() && self.sets.is_empty()
+        self.planners.is_empty() && self.sets.is_empty() && self.figures.is_empty()
     }
 
     /// Minutes that the whole page takes on two cores; none where its size is another one than that of `--quick`.

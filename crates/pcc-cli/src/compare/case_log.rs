@@ -1,7 +1,8 @@
 //! What planners did with each case, kept as lines of JSON, so that a comparison that was cut off goes on.
 
+use super::subject::check;
 use crate::evaluate::Answer;
-use anyhow::{Context, ensure};
+use anyhow::Context;
 use pcc_model::{Configuration, UnitRobot};
 use planning::{Candidate, SampledVerdict, Source, Stage, modes};
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,8 @@ pub(super) struct CaseRecord {
     /// Number of the case in its set.
     pub(super) case: usize,
     pub(super) balls: usize,
+    /// Where the times were measured: processor and number of cores.
+    pub(super) machine: String,
     /// Time of the whole request, s.
     pub(super) seconds: f64,
     /// Time until the paths were there that the paper's criterion judges, s.
@@ -56,7 +59,13 @@ pub(super) struct MotionRecord {
 }
 
 impl CaseRecord {
-    pub(super) fn of(robot: &UnitRobot, case: usize, asked: usize, answer: &Answer) -> Self {
+    pub(super) fn of(
+        robot: &UnitRobot,
+        machine: &str,
+        case: usize,
+        asked: usize,
+        answer: &Answer,
+    ) -> Self {
         let plan = answer.plan.as_ref().ok();
         let draws = plan.into_iter().flat_map(|plan| &plan.draws);
         let drawn = draws
@@ -80,6 +89,7 @@ impl CaseRecord {
         Self {
             case,
             balls: answer.case.scene.balls().len(),
+            machine: machine.to_owned(),
             seconds: answer.seconds,
             drawing_s: answer.drawing_s,
             asked,
@@ -123,13 +133,12 @@ pub(super) struct CaseLog {
 impl CaseLog {
     /// Opens a log, whose first line says what it is of; an error where it is of something else. A last line that was cut off is dropped.
     pub(super) fn open(file: &Path, settings: &serde_json::Value) -> anyhow::Result<Self> {
-        let name = file.display();
         let open = OpenOptions::new()
             .read(true)
             .append(true)
             .create(true)
             .open(file);
-        let opened = open.with_context(|| format!("cannot open {name}"))?;
+        let opened = open.with_context(|| format!("cannot open {}", file.display()))?;
         let mut log = Self {
             records: Vec::new(),
             file: opened,
@@ -140,10 +149,7 @@ impl CaseLog {
             None => drop(log.append(settings)?),
             Some(first) => {
                 let found: serde_json::Value = serde_json::from_str(&first).unwrap_or_default();
-                ensure!(
-                    found == *settings,
-                    "{name} is of another comparison: {found}\nthis one is: {settings}\nchoose another --out, or remove the file"
-                );
+                check(file, &found, settings)?;
                 whole_bytes += first.len() as u64 + 1;
                 for line in lines {
                     let line = line?;
@@ -198,6 +204,7 @@ mod tests {
         CaseRecord {
             case,
             balls: 2,
+            machine: "one, 2 cores".to_owned(),
             seconds: 0.5,
             drawing_s: 0.25,
             asked: 10,
@@ -230,7 +237,7 @@ mod tests {
                 .err()
                 .unwrap()
                 .to_string()
-                .contains("another comparison")
+                .contains("seed is 1 there and 2 here")
         );
     }
 }

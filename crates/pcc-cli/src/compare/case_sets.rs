@@ -3,6 +3,7 @@
 use crate::dataset::{Unseen, generate_unseen};
 use anyhow::{Context, ensure};
 use datasets::{Case, Dataset, Split};
+use pcc_model::BitHash;
 use std::fmt::{self, Display};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -92,6 +93,27 @@ impl CaseSet {
         );
         Ok(cases)
     }
+}
+
+/// A number that is equal for equal cases in the same order.
+pub(super) fn hash_of(cases: &[Case]) -> u64 {
+    let mut hash = BitHash::new();
+    for case in cases {
+        let balls = case.scene.balls();
+        let ball = balls
+            .iter()
+            .flat_map(|it| it.centre.iter().chain([&it.radius]));
+        let numbers = case.start.iter().chain(case.target_tip.iter()).chain(ball);
+        hash.add(balls.len() as u64);
+        numbers.for_each(|number| hash.add(number.to_bits()));
+    }
+    hash.value()
+}
+
+/// The name of a set, or of a figure, as a part of a file's name.
+pub(super) fn file_name(name: &str) -> String {
+    let last = Path::new(name).file_name().and_then(|it| it.to_str());
+    last.unwrap_or(name).to_owned()
 }
 
 impl Display for CaseSet {

@@ -12,7 +12,10 @@ pub(super) struct Comparison {
     pub(super) candidates: usize,
     pub(super) seed: u64,
     pub(super) threads: usize,
-    pub(super) machine: String,
+    /// SHA-256 of the program.
+    pub(super) program: String,
+    /// Processor and number of cores of each machine on which a record was made.
+    pub(super) machines: Vec<String>,
     /// Time that was measured in, in one run or several, s.
     pub(super) measuring_s: f64,
     pub(super) sets: Vec<SetResult>,

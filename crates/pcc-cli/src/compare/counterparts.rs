@@ -1,6 +1,7 @@
 //! The paper's figures, and where on the page each has its counterpart.
 
 use super::experiments::Figure;
+use crate::sampler::name_of;
 use anyhow::{Context, ensure};
 
 /// Comments, and then a line for each figure and part of a figure of the paper: its label there, its counterpart's anchor, what it shows.
@@ -37,17 +38,18 @@ pub(super) fn list() -> anyhow::Result<Vec<Counterpart>> {
 }
 
 /// # Errors
-/// Where a figure of the paper has no counterpart among these, or one without picture or command.
+/// Where a figure of the paper has no counterpart among these, or one without picture.
 pub(super) fn check(figures: &[Figure]) -> anyhow::Result<()> {
     for Counterpart { label, anchor, .. } in list()? {
-        let has_anchor =
-            |it: &&Figure| it.id == anchor || it.pictures.iter().any(|it| it.id == Some(anchor));
+        let has_anchor = |it: &&Figure| {
+            name_of(&it.name) == anchor || it.pictures.iter().any(|it| it.id == Some(anchor))
+        };
         let figure = figures.iter().find(has_anchor);
         let figure =
             figure.with_context(|| format!("{label} of the paper has no counterpart #{anchor}"))?;
         ensure!(
-            !figure.pictures.is_empty() && !figure.command.is_empty(),
-            "the counterpart of {label} has no picture or no command"
+            !figure.pictures.is_empty(),
+            "the counterpart of {label} has no picture"
         );
     }
     Ok(())
@@ -57,22 +59,31 @@ pub(super) fn check(figures: &[Figure]) -> anyhow::Result<()> {
 mod tests {
     use super::*;
     use crate::compare::experiments::Picture;
+    use crate::compare::figure_name::FigureName;
+    use clap::ValueEnum;
 
+    /// All figures; the first has the pictures of all parts that are no figures by themselves.
     fn figures() -> Vec<Figure> {
+        let names = FigureName::value_variants();
+        let is_part = |it: &Counterpart| names.iter().all(|name| name_of(name) != it.anchor);
+        let parts: Vec<_> = list().unwrap().into_iter().filter(is_part).collect();
         let picture = |id| Picture {
             id: Some(id),
             begins_row: false,
             svg: "<svg></svg>".to_owned(),
             caption: String::new(),
         };
-        let figure = |it: Counterpart| Figure {
-            id: it.anchor,
+        let figure = |(index, name): (usize, &FigureName)| Figure {
+            name: *name,
             title: "",
-            pictures: vec![picture(it.anchor)],
+            pictures: match index {
+                0 => parts.iter().map(|it| picture(it.anchor)).collect(),
+                _ => vec![picture("")],
+            },
             caption: String::new(),
-            command: "pcc".to_owned(),
+            made_by: None,
         };
-        list().unwrap().into_iter().map(figure).collect()
+        names.iter().enumerate().map(figure).collect()
     }
 
     #[test]
@@ -99,15 +110,15 @@ mod tests {
     #[test]
     fn a_figure_of_the_paper_without_a_counterpart_is_refused() {
         check(&figures()).unwrap();
-        let anchors: Vec<&str> = list().unwrap().iter().map(|it| it.anchor).collect();
-        for missing in anchors {
+        for missing in list().unwrap().iter().map(|it| it.anchor) {
             let mut fewer = figures();
-            fewer.retain(|it| it.id != missing);
+            fewer.retain(|it| name_of(&it.name) != missing);
+            fewer[0].pictures.retain(|it| it.id != Some(missing));
             let said = check(&fewer).unwrap_err().to_string();
-            assert!(said.contains(missing), "{said}");
+            assert!(said.contains("has no counterpart"), "{said}");
         }
-        let mut without_command = figures();
-        without_command[0].command.clear();
-        assert!(check(&without_command).is_err());
+        let mut without_picture = figures();
+        without_picture[1].pictures.clear();
+        assert!(check(&without_picture).is_err());
     }
 }

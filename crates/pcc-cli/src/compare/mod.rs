@@ -10,23 +10,29 @@ mod comparison;
 mod counterparts;
 mod drawing;
 mod experiments;
+mod figure_name;
 mod figures;
+mod given_options;
 mod page;
 mod records;
+mod subject;
 mod table;
 
 pub(crate) use arguments::Arguments;
 
 use self::comparison::{Comparison, PlannerResult, SetResult};
-use self::experiments::Bench;
+use self::experiments::{Bench, remove_what_killed_runs_left};
 use self::figures::{ByBalls, Paired};
-use self::records::{Answered, SetRecords, answer_set};
+use self::given_options::GivenOptions;
+use self::records::{Answered, SetRecords};
 use crate::output_files::{make_writable, write_whole};
 use crate::sampler::name_of;
 use std::time::Instant;
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let (clock, out) = (Instant::now(), &arguments.out);
+    let given = GivenOptions::of_this_process(out)?;
+    remove_what_killed_runs_left();
     for folder in ["cases", "figures"] {
         make_writable(&out.join(folder))?;
     }
@@ -36,30 +42,27 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
             out.display()
         );
     }
+    let bench = Bench::new(arguments)?;
     let (planners, count) = (arguments.planners(), arguments.cases());
     let sets = arguments.sets();
-    let sets = sets
-        .iter()
-        .map(|set| answer_set(arguments, set, count, &planners));
+    let sets = sets.iter().map(|set| bench.answers(set, count, &planners));
     let sets = sets.collect::<anyhow::Result<Vec<SetRecords>>>()?;
-    let bench = Bench::new(arguments)?;
-    let figures = match arguments.is_whole_page() {
-        true => experiments::all(&bench, &sets)?,
-        false => Vec::new(),
-    };
+    let figures = experiments::make(&bench, &arguments.figures())?;
     let comparison = Comparison {
         against: name_of(&arguments.against),
         candidates: arguments.candidates,
         seed: arguments.seed,
         threads: arguments.threads,
-        machine: crate::evaluate::machine(),
-        measuring_s: bench.spent_s() + sets.iter().map(SetRecords::seconds).sum::<f64>(),
+        program: bench.subject.program.clone(),
+        machines: bench.machines(),
+        measuring_s: bench.spent_s(),
         sets: sets.into_iter().map(|set| result(arguments, set)).collect(),
     };
     let json = serde_json::to_string_pretty(&comparison)?;
     write_whole(&out.join("compare.json"), &json)?;
     write_whole(&out.join("compare.csv"), &table::csv(&comparison))?;
-    write_whole(&out.join("index.html"), &page::html(&comparison, &figures)?)?;
+    let page = page::html(&comparison, &figures, &given, arguments.is_whole_page())?;
+    write_whole(&out.join("index.html"), &page)?;
     table::print(&comparison);
     say!(
         "{} in {:.1} minutes; what it shows took {:.1} minutes to measure, in this run and before",

@@ -4,8 +4,10 @@ use super::bootstrap::Interval;
 use super::charts;
 use super::comparison::{Comparison, PlannerResult, SetResult};
 use super::counterparts::{self, Counterpart};
-use super::experiments::{Figure, Picture};
+use super::experiments::{Figure, Picture, escaped};
 use super::figures::{Figures, Paired};
+use super::given_options::GivenOptions;
+use crate::sampler::name_of;
 
 /// Planners whose shares are shown by number of balls.
 const BY_BALLS: [&str; 9] = [
@@ -40,13 +42,16 @@ td small { color: var(--soft); } code { background: #f1f4f7; padding: .05rem .3r
 ";
 
 /// # Errors
-/// Where there are figures, and not all of the paper's.
-pub(super) fn html(comparison: &Comparison, figures: &[Figure]) -> anyhow::Result<String> {
+/// Where it is to be the whole page, and does not have all of the paper's figures.
+pub(super) fn html(
+    comparison: &Comparison,
+    figures: &[Figure],
+    given: &GivenOptions,
+    is_whole: bool,
+) -> anyhow::Result<String> {
     let Comparison {
         candidates,
-        machine,
         seed,
-        measuring_s,
         sets,
         ..
     } = comparison;
@@ -54,13 +59,16 @@ pub(super) fn html(comparison: &Comparison, figures: &[Figure]) -> anyhow::Resul
         "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
          <title>Results</title><link rel=\"icon\" href=\"data:,\"><style>{STYLE}</style></head><body>\
-         <h1>Results</h1><p>Made by <code>pcc compare</code> in {:.1} minutes of measuring on {machine}.</p>",
-        measuring_s / 60.0
+         <h1>Results</h1><p>{}</p>",
+        origin(comparison)
     );
-    if !figures.is_empty() {
+    if is_whole {
         counterparts::check(figures)?;
         page += &paper_table()?;
-        page.extend(figures.iter().map(figure));
+    }
+    page.extend(figures.iter().map(|it| figure(it, given)));
+    if sets.is_empty() {
+        return Ok(page + "</body></html>\n");
     }
     page += &format!(
         "<h2 id=\"planners\">Planners compared</h2><p>{candidates} candidates or attempts a case, seed {seed}, one request at a time. Every case of a \
@@ -70,9 +78,33 @@ pub(super) fn html(comparison: &Comparison, figures: &[Figure]) -> anyhow::Resul
          tendon limits; tip length, smoothness and duration are of certified motions.</p>"
     );
     for set in sets {
-        page += &section(comparison, set)?;
+        page += &section(comparison, set, given)?;
     }
     Ok(page + "</body></html>\n")
+}
+
+/// How the page was made, where, and how its commands are used.
+fn origin(comparison: &Comparison) -> String {
+    let Comparison {
+        machines,
+        program,
+        measuring_s,
+        ..
+    } = comparison;
+    let named: Vec<String> = machines.iter().map(|it| escaped(it)).collect();
+    let named = named.join("; ");
+    let place = match machines.len() {
+        0 => String::new(),
+        1 => format!(" on {named}"),
+        count => format!(" on <b>{count} machines, whose times do not compare</b>: {named}"),
+    };
+    format!(
+        "Made by <code>pcc compare</code> (SHA-256 of the program {program}) in {:.1} minutes of measuring{place}. Each command goes into a shell in the \
+         repository's folder, after <code>cargo build --release --locked -p planner-daemon -p controller -p pcc-cli</code>, and makes what is above it \
+         again in a folder of its own. On the same machine all numbers but times come out the same, except those of RRT* and BIT*, which end by the \
+         clock, and of what is executed.",
+        measuring_s / 60.0
+    )
 }
 
 /// The list of the paper's figures and their counterparts.
@@ -91,7 +123,7 @@ fn paper_table() -> anyhow::Result<String> {
     ))
 }
 
-fn figure(it: &Figure) -> String {
+fn figure(it: &Figure, given: &GivenOptions) -> String {
     let picture = |picture: &Picture| {
         let id = picture
             .id
@@ -104,13 +136,18 @@ fn figure(it: &Figure) -> String {
             escaped(caption)
         )
     };
-    let Figure {
-        id, title, caption, ..
-    } = it;
+    let Figure { title, caption, .. } = it;
+    let (id, command) = (name_of(&it.name), given.figure_command(it.name));
+    let made_by = it.made_by.as_deref().map_or_else(String::new, |commands| {
+        format!(
+            "<p>Its numbers are from:</p><pre>{}</pre>",
+            escaped(commands)
+        )
+    });
     let pictures: String = it.pictures.iter().map(picture).collect();
     format!(
-        "<figure id=\"{id}\"><h3>{title}</h3><div class=\"pictures\">{pictures}</div><figcaption><p>{caption}</p></figcaption><pre>{}</pre></figure>",
-        escaped(&it.command)
+        "<figure id=\"{id}\"><h3>{title}</h3><div class=\"pictures\">{pictures}</div><figcaption><p>{caption}</p></figcaption><pre>{}</pre>{made_by}</figure>",
+        escaped(&command)
     )
 }
 
@@ -129,7 +166,11 @@ fn shape_of(svg: &str) -> &'static str {
     }
 }
 
-fn section(comparison: &Comparison, set: &SetResult) -> anyhow::Result<String> {
+fn section(
+    comparison: &Comparison,
+    set: &SetResult,
+    given: &GivenOptions,
+) -> anyhow::Result<String> {
     let charts = [
         charts::rows(set, "Success by the paper's criterion", false, |it| {
             it.figures.all.success
@@ -172,10 +213,7 @@ fn section(comparison: &Comparison, set: &SetResult) -> anyhow::Result<String> {
         set.cases,
         charts.map(|svg| format!("<div>{svg}</div>")).concat(),
         table(set),
-        escaped(&format!(
-            "pcc compare --sets {} --cases {} --out out/compare",
-            set.set, set.cases
-        )),
+        escaped(&given.set_command(&set.set)),
     ))
 }
 
@@ -273,6 +311,31 @@ fn verdict(paired: &Paired) -> &'static str {
     }
 }
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;")
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_of_two_machines_says_so() {
+        let mut comparison = Comparison {
+            against: "fast".to_owned(),
+            candidates: 10,
+            seed: 0,
+            threads: 0,
+            program: "ab12".to_owned(),
+            machines: vec!["one, 2 cores".to_owned()],
+            measuring_s: 90.0,
+            sets: Vec::new(),
+        };
+        let said = origin(&comparison);
+        assert!(said.contains("program ab12"), "{said}");
+        let expected = "in 1.5 minutes of measuring on one, 2 cores. ";
+        assert!(said.contains(expected), "{said}");
+        comparison
+            .machines
+            .push("another & more, 8 cores".to_owned());
+        let said = origin(&comparison);
+        let expected = "2 machines, whose times do not compare</b>: one, 2 cores; another &amp; more, 8 cores.";
+        assert!(said.contains(expected), "{said}");
+    }
 }

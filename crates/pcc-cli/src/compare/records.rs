@@ -1,8 +1,8 @@
 //! What planners did with the cases of a set, each answered once and kept.
 
-use super::arguments::Arguments;
 use super::case_log::{CaseLog, CaseRecord};
-use super::case_sets::CaseSet;
+use super::case_sets::{CaseSet, file_name, hash_of};
+use super::subject::{Subject, hexadecimal};
 use crate::evaluate::{Asked, answer};
 use crate::planner::{Loaded, ModelRecords, load};
 use crate::robot::unit_robot;
@@ -12,7 +12,6 @@ use datasets::Case;
 use indicatif::{ProgressBar, ProgressStyle};
 use planning::MOST_CORRECTIONS;
 use serde_json::json;
-use std::path::Path;
 
 /// Lines of progress of one planner on one set, where there is no terminal to draw a bar on.
 const PROGRESS_LINES: usize = 5;
@@ -41,26 +40,28 @@ impl SetRecords {
         let found = found.with_context(|| format!("{}: no {}", self.set, name_of(&planner)))?;
         Ok(&found.records)
     }
+}
 
+impl Answered {
     /// Time of all requests, s.
     pub(super) fn seconds(&self) -> f64 {
-        let records = self.answered.iter().flat_map(|it| &it.records);
-        records.map(|record| record.seconds).sum()
+        self.records.iter().map(|record| record.seconds).sum()
     }
 }
 
 /// Lets planners answer the first so many cases of a set, but for those that they have answered before.
 pub(super) fn answer_set(
-    arguments: &Arguments,
+    subject: &Subject,
     set: &CaseSet,
     count: usize,
     planners: &[PlannerName],
 ) -> anyhow::Result<SetRecords> {
+    let arguments = subject.arguments;
     let cases = set.cases(count, &arguments.robot, &arguments.out)?;
     let name = set.to_string();
     let answered = planners
         .iter()
-        .map(|planner| answer_all(arguments, &name, &cases, *planner));
+        .map(|planner| answer_all(subject, &name, &cases, *planner));
     let answered = answered.collect::<anyhow::Result<_>>()?;
     Ok(SetRecords {
         set: name,
@@ -70,11 +71,12 @@ pub(super) fn answer_set(
 }
 
 fn answer_all(
-    arguments: &Arguments,
+    subject: &Subject,
     set: &str,
     cases: &[Case],
     name: PlannerName,
 ) -> anyhow::Result<Answered> {
+    let arguments = subject.arguments;
     let robot = unit_robot(&arguments.robot)?;
     let Loaded { planner, records } = load(name, robot, &arguments.models, arguments.threads)?;
     let asked = Asked {
@@ -82,11 +84,11 @@ fn answer_all(
         candidates: arguments.candidates,
         corrections: MOST_CORRECTIONS,
     };
-    let settings = json!({
-        "set": set, "cases": cases.len(), "planner": name_of(&name), "models": records,
-        "candidates": arguments.candidates, "seed": arguments.seed, "threads": arguments.threads,
-        "robot": planner.robot().name,
+    let own = json!({
+        "set": set, "cases": cases.len(), "cases_hash": hexadecimal(hash_of(cases)), "planner": name_of(&name),
+        "candidates": arguments.candidates,
     });
+    let settings = subject.settings(&records, &own);
     let file = format!("{}-{}.jsonl", file_name(set), name_of(&name));
     let mut log = CaseLog::open(&arguments.out.join("cases").join(file), &settings)?;
     let style = ProgressStyle::with_template("{msg:40} {bar:30} {pos}/{len} cases, {eta} left")?;
@@ -96,7 +98,13 @@ fn answer_all(
     for (index, case) in cases.iter().enumerate().skip(log.records.len()) {
         let seed = arguments.seed.wrapping_add(index as u64);
         let answer = answer(&planner, asked, seed, case.clone(), None)?;
-        let record = CaseRecord::of(planner.robot(), index, arguments.candidates, &answer);
+        let record = CaseRecord::of(
+            planner.robot(),
+            &subject.machine,
+            index,
+            arguments.candidates,
+            &answer,
+        );
         log.add(&record)?;
         bar.inc(1);
         let lines = |done: usize| done * PROGRESS_LINES / cases.len();
@@ -111,11 +119,4 @@ fn answer_all(
         models: records,
         records: log.records,
     })
-}
-
-/// A set's name as a part of a file's name.
-fn file_name(set: &str) -> String {
-    let path = Path::new(set);
-    let last = path.file_name().and_then(|name| name.to_str());
-    last.unwrap_or(set).to_owned()
 }

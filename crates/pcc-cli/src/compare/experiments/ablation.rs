@@ -5,6 +5,7 @@ use super::figure::{Figure, Picture};
 use crate::compare::case_log::{CaseRecord, DrawnRecord};
 use crate::compare::case_sets::CaseSet;
 use crate::compare::drawing::{Bar, Bars, COLOURS};
+use crate::compare::figure_name::FigureName;
 use crate::compare::records::SetRecords;
 use crate::sampler::PlannerName;
 
@@ -43,7 +44,6 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     let count = bench.arguments.cases();
     let free = bench.answers(&CaseSet::OBSTACLE_FREE, count, &planners)?;
     let mixed = bench.answers(&CaseSet::REFERENCE, count, &planners)?;
-    bench.note(free.seconds());
     let mut pictures = Vec::new();
     for (set, panels, id) in [
         (&free, &PANELS[..3], "ablation-free"),
@@ -59,7 +59,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         }
     }
     Ok(Figure {
-        id: "ablation",
+        name: FigureName::Ablation,
         title: "Ablation of guidance",
         pictures,
         caption: format!(
@@ -69,9 +69,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
             free.cases.len(),
             bench.arguments.candidates
         ),
-        command: format!(
-            "pcc compare --sets obstacle-free,reference --planners diffusion,diffusion-post,diffusion-guided --cases {count} --out out/ablation"
-        ),
+        made_by: None,
     })
 }
 

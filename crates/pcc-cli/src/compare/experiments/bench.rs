@@ -4,22 +4,27 @@ use super::kept;
 use crate::compare::arguments::Arguments;
 use crate::compare::case_sets::CaseSet;
 use crate::compare::records::{SetRecords, answer_set};
+use crate::compare::subject::Subject;
 use crate::planner::{Loaded, ModelArguments, ModelRecords, load};
 use crate::robot::unit_robot;
-use crate::sampler::PlannerName;
+use crate::sampler::{PlannerName, name_of};
 use datasets::Case;
 use pcc_model::UnitRobot;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::{Value, json};
-use std::cell::Cell;
+use serde_json::Value;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What figures are made with.
 pub(crate) struct Bench<'a> {
     pub(super) arguments: &'a Arguments,
     pub(super) robot: UnitRobot,
-    /// Time that the parts made so far took, in this run or before, s.
-    spent_s: Cell<f64>,
+    pub(in crate::compare) subject: Subject<'a>,
+    /// Time that each part took which was used so far, in this run or before, s.
+    spent_s: RefCell<BTreeMap<String, f64>>,
+    /// Where these times were measured.
+    machines: RefCell<BTreeSet<String>>,
 }
 
 impl<'a> Bench<'a> {
@@ -27,12 +32,20 @@ impl<'a> Bench<'a> {
         Ok(Self {
             arguments,
             robot: unit_robot(&arguments.robot)?,
-            spent_s: Cell::new(0.0),
+            subject: Subject::of(arguments)?,
+            spent_s: RefCell::default(),
+            machines: RefCell::default(),
         })
     }
 
+    /// Time of everything that was used so far, s.
     pub(crate) fn spent_s(&self) -> f64 {
-        self.spent_s.get()
+        self.spent_s.borrow().values().sum()
+    }
+
+    /// Where that was measured: processor and number of cores of each machine.
+    pub(crate) fn machines(&self) -> Vec<String> {
+        self.machines.borrow().iter().cloned().collect()
     }
 
     /// One of two numbers, of the quick page and of the full one.
@@ -48,20 +61,14 @@ impl<'a> Bench<'a> {
         settings: &Value,
         make: impl FnOnce() -> anyhow::Result<T>,
     ) -> anyhow::Result<T> {
-        let file = self
-            .arguments
-            .out
-            .join("figures")
-            .join(format!("{name}.json"));
+        let folder = self.arguments.out.join("figures");
+        let file = folder.join(format!("{name}.json"));
         if !file.exists() {
             say!("figure {name}");
         }
-        let settings = json!({
-            "models": models, "robot": self.robot.name, "seed": self.arguments.seed,
-            "threads": self.arguments.threads, "of": settings,
-        });
-        let kept = kept::keep(&file, &settings, make)?;
-        self.note(kept.seconds);
+        let settings = self.subject.settings(models, settings);
+        let kept = kept::keep(&file, &settings, &self.subject.machine, make)?;
+        self.note(name, kept.seconds, [&kept.machine]);
         Ok(kept.data)
     }
 
@@ -90,18 +97,25 @@ impl<'a> Bench<'a> {
         Ok(cases)
     }
 
-    /// Adds the time of answers that nothing else counts, s.
-    pub(super) fn note(&self, seconds: f64) {
-        self.spent_s.set(self.spent_s.get() + seconds);
-    }
-
     /// The answers of some planners to the first so many cases of a set.
-    pub(super) fn answers(
+    pub(in crate::compare) fn answers(
         &self,
         set: &CaseSet,
         cases: usize,
         planners: &[PlannerName],
     ) -> anyhow::Result<SetRecords> {
-        answer_set(self.arguments, set, cases, planners)
+        let records = answer_set(&self.subject, set, cases, planners)?;
+        for it in &records.answered {
+            let name = format!("{set}-{}", name_of(&it.planner));
+            let machines = it.records.iter().map(|record| &record.machine);
+            self.note(&name, it.seconds(), machines);
+        }
+        Ok(records)
+    }
+
+    /// Counts the time of a part, once.
+    fn note<'b>(&self, part: &str, seconds: f64, on: impl IntoIterator<Item = &'b String>) {
+        self.spent_s.borrow_mut().insert(part.to_owned(), seconds);
+        self.machines.borrow_mut().extend(on.into_iter().cloned());
     }
 }

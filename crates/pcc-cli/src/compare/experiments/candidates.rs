@@ -2,10 +2,13 @@
 
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
-use crate::compare::case_sets::CaseSet;
+use crate::compare::case_sets::{CaseSet, hash_of};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
+use crate::compare::figure_name::FigureName;
+use crate::compare::subject::hexadecimal;
 use crate::evaluate::{Asked, answer};
 use crate::sampler::{PlannerName, name_of};
+use datasets::Case;
 use planning::MOST_CORRECTIONS;
 use serde_json::json;
 
@@ -21,10 +24,10 @@ const PLANNERS: [PlannerName; 7] = [
 const COUNTS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 
 pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
-    let cases = bench.scale(5, 40);
+    let cases = bench.cases(&CaseSet::REFERENCE, bench.scale(5, 40))?;
     let mut lines = Vec::new();
     for (planner, colour) in PLANNERS.into_iter().zip(COLOURS) {
-        let points = medians(bench, planner, cases)?;
+        let points = medians(bench, planner, &cases)?;
         lines.push(Line::measured(&name_of(&planner), points, colour));
     }
     let chart = Lines {
@@ -34,22 +37,22 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         marks: Vec::new(),
     };
     Ok(Figure {
-        id: "candidates",
+        name: FigureName::Candidates,
         title: "Time against the number of candidates",
-        pictures: vec![Picture::new(chart.svg()?, format!("medians over {cases} unseen mixed reference cases"))],
+        pictures: vec![Picture::new(chart.svg()?, format!("medians over {} unseen mixed reference cases", cases.len()))],
         caption: "Whole requests, one at a time; of the rivals, until their attempts are made. Both axes are logarithmic.".to_owned(),
-        command: "for n in 1 2 4 8 16 32 64; do\n  pcc compare --sets reference --candidates $n --cases ".to_owned()
-            + &format!("{cases} --planners fast,default,rrt-connect,diffusion-post,c-rrt,w-rrt-star,apf --out out/candidates-$n\ndone"),
+        made_by: None,
     })
 }
 
 /// Median time of a request for each number of candidates, ms.
-fn medians(bench: &Bench, name: PlannerName, cases: usize) -> anyhow::Result<Vec<(f64, f64)>> {
+fn medians(bench: &Bench, name: PlannerName, cases: &[Case]) -> anyhow::Result<Vec<(f64, f64)>> {
     let loaded = bench.planner(name)?;
-    let settings = json!({ "cases": cases, "counts": COUNTS });
+    let settings = json!({
+        "cases": cases.len(), "cases_hash": hexadecimal(hash_of(cases)), "counts": COUNTS
+    });
     let file = format!("candidates-{}", name_of(&name));
     bench.keep(&file, &loaded.records, &settings, || {
-        let set = bench.cases(&CaseSet::REFERENCE, cases)?;
         let mut points = Vec::new();
         for candidates in COUNTS {
             let asked = Asked {
@@ -58,7 +61,7 @@ fn medians(bench: &Bench, name: PlannerName, cases: usize) -> anyhow::Result<Vec
                 corrections: MOST_CORRECTIONS,
             };
             let mut times_ms = Vec::new();
-            for (index, case) in set.iter().enumerate() {
+            for (index, case) in cases.iter().enumerate() {
                 let seed = bench.arguments.seed.wrapping_add(index as u64);
                 let answer = answer(&loaded.planner, asked, seed, case.clone(), None)?;
                 times_ms.push(1e3 * answer.drawing_s);

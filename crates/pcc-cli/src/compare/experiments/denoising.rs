@@ -1,9 +1,10 @@
 //! How noise becomes a path: from a random and from the straight start, and around a ball.
 
 use super::bench::Bench;
-use super::figure::{Figure, Picture, words};
+use super::figure::{Figure, Picture};
 use super::hardware::{Hardware, ball_that_appears};
 use crate::compare::drawing::{COLOURS, Camera, GREY, Scene3d, blend};
+use crate::compare::figure_name::FigureName;
 use crate::sampler::PlannerName;
 use anyhow::Context;
 use collision::{Ball, Scene};
@@ -60,7 +61,8 @@ impl Traces {
         let loaded = bench.planner(task.planner)?;
         let start: [f64; DOF] = task.start.into();
         let balls: Vec<[f64; 4]> = task.balls.iter().map(numbers).collect();
-        let settings = json!({ "start": start, "target": words(&task.target), "balls": balls, "draws": DRAWS, "shown": SHOWN });
+        let target: [f64; 3] = task.target.into();
+        let settings = json!({ "start": start, "target": target, "balls": balls, "draws": DRAWS, "shown": SHOWN });
         bench.keep(name, &loaded.records, &settings, || {
             let sampler = task.planner.sampler();
             let guidance = sampler.and_then(Guidance::of).context("no diffusion")?;
@@ -166,22 +168,15 @@ pub(super) fn from_two_starts(bench: &Bench) -> anyhow::Result<Figure> {
             ..picture
         }));
     }
-    let start: Vec<String> = random.start.iter().map(f64::to_string).collect();
     Ok(Figure {
-        id: "denoising",
+        name: FigureName::Denoising,
         title: "Denoising from a random and from the straight start",
         pictures,
         caption: format!(
             "The paper's sampler (<code>diffusion</code>, 50 DDIM steps, no guidance, no balls) between noise and path: tip paths of {DRAWS} candidates, \
              and bodies of one of them at four waypoints, from the start (grey) to its end (blue). Diamond: tip of the start; star: target."
         ),
-        command: format!(
-            "for seed in $(seq 0 {}); do\n  pcc trace --planner diffusion --seed $seed --tip {target} --start {} --out random-$seed.npz\n  \
-             pcc trace --planner diffusion --seed $seed --tip {target} --out straight-$seed.npz\ndone",
-            DRAWS - 1,
-            start.join(" "),
-            target = words(&target),
-        ),
+        made_by: None,
     })
 }
 
@@ -212,9 +207,8 @@ pub(super) fn around_a_ball(bench: &Bench, hardware: &Hardware) -> anyhow::Resul
     let traces = Traces::of(bench, "around-a-ball", &task)?;
     let mut pictures = traces.pictures(bench, &task, false)?;
     pictures.push(run.bodies(bench, &task.balls)?.in_new_row());
-    let start: Vec<String> = task.start.iter().map(|it| format!("{it:.5}")).collect();
     Ok(Figure {
-        id: "around-a-ball",
+        name: FigureName::AroundABall,
         title: "Tip paths around a ball by denoising step, and the executed motion",
         pictures,
         caption: format!(
@@ -222,13 +216,7 @@ pub(super) fn around_a_ball(bench: &Bench, hardware: &Hardware) -> anyhow::Resul
              experiment begins (diamond) to its target (star), around a ball of radius 0.4 L; and that motion as it was measured, its body at {} instants.",
             super::hardware::SNAPSHOTS
         ),
-        command: format!(
-            "for seed in $(seq 0 {}); do\n  pcc trace --planner diffusion-post --seed $seed --ball 0 0 1.5 0.4 --tip {} --start {} --out around-$seed.npz\n\
-             done\npcc record experiments.mcap & pcc demo --record demo",
-            DRAWS - 1,
-            words(&task.target),
-            start.join(" ")
-        ),
+        made_by: None,
     })
 }
 

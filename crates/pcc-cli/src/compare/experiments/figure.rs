@@ -1,17 +1,16 @@
-//! A figure of the page: its pictures, what is seen, and the command that makes it.
+//! A figure of the page: its pictures, and what is seen.
 
-use pcc_model::Point;
+use crate::compare::figure_name::FigureName;
 
 /// A figure of the page.
 pub(crate) struct Figure {
-    /// Its anchor.
-    pub(crate) id: &'static str,
+    pub(crate) name: FigureName,
     pub(crate) title: &'static str,
     pub(crate) pictures: Vec<Picture>,
     /// What is seen, as HTML.
     pub(crate) caption: String,
-    /// What makes it.
-    pub(crate) command: String,
+    /// Commands that its numbers are from, where it is drawn from a file in the repository.
+    pub(crate) made_by: Option<String>,
 }
 
 /// A part of a figure.
@@ -49,10 +48,7 @@ impl Picture {
     }
 }
 
-/// Three numbers as an option of the command line takes them.
-pub(super) fn words(point: &Point) -> String {
-    let words = point
-        .iter()
-        .map(|it| format!("{}", (it * 1e4).round() / 1e4));
-    words.collect::<Vec<_>>().join(" ")
+/// A text within HTML.
+pub(crate) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
 }

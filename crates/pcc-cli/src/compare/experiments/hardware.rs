@@ -2,9 +2,10 @@
 
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
-use super::processes::Processes;
+use super::processes::{self, Processes};
 use super::solutions::component_name;
 use crate::compare::drawing::{Axis, COLOURS, Camera, GREY, INK, Line, Lines, Scene3d, blend};
+use crate::compare::figure_name::FigureName;
 use crate::demo;
 use crate::replay::Recording;
 use crate::sampler::PlannerName;
@@ -31,7 +32,6 @@ const AFTER_NS: i64 = 900_000_000;
 const RECORDER_STARTS: Duration = Duration::from_secs(1);
 const AZIMUTH: f64 = -0.36 * PI;
 const ELEVATION: f64 = 0.1 * PI;
-const COMMAND: &str = "pcc record experiments.mcap & pcc demo --record demo   # with the three processes, as scripts/demo starts them\npcc view experiments.mcap";
 
 /// What was recorded of the demonstration's first three experiments.
 #[derive(Deserialize, Serialize)]
@@ -71,18 +71,28 @@ impl Hardware {
     /// Carries out the demonstration and records it, where it is not kept already.
     pub(super) fn read(bench: &Bench) -> anyhow::Result<Self> {
         let records = bench.planner(PlannerName::Default)?.records;
-        bench.keep("hardware", &records, &json!({ "samples": SAMPLES }), || {
+        let settings = json!({ "samples": SAMPLES, "processes": processes::identity()? });
+        bench.keep("hardware", &records, &settings, || {
             let folder = bench.arguments.out.join("demo");
             if folder.exists() {
                 fs::remove_dir_all(&folder)?;
             }
-            let mut processes = Processes::start(&folder)?;
+            let mut processes = Processes::start(bench.arguments, &folder)?;
             let (record, demo) = (folder.join("experiments.mcap"), folder.join("files"));
-            let [record_text, demo_text] =
-                [&record, &demo].map(|it| it.to_str().context("a path that is no text"));
+            let [record_text, demo_text, robot_text] = [&record, &demo, &bench.arguments.robot]
+                .map(|it| it.to_str().context("a path that is no text"));
+            let seed = bench.arguments.seed.to_string();
             processes.spawn_pcc(&["record", record_text?])?;
             sleep(RECORDER_STARTS);
-            processes.pcc(&["demo", "--record", demo_text?])?;
+            processes.pcc(&[
+                "demo",
+                "--record",
+                demo_text?,
+                "--robot",
+                robot_text?,
+                "--seed",
+                &seed,
+            ])?;
             processes.end_last()?;
             drop(processes);
             let told = fs::read_to_string(demo.join("demo.json"))?;
@@ -122,7 +132,7 @@ impl Hardware {
         pictures[0].id = Some("consecutive-bodies");
         pictures.push(run.curves()?.with_id("consecutive-curves"));
         Ok(figure(
-            "consecutive",
+            FigureName::Consecutive,
             "Consecutive planning to two targets",
             "The robot moves from straight to the first target, waits, and moves to the second.",
             pictures,
@@ -153,7 +163,7 @@ impl Hardware {
             });
         }
         Ok(figure(
-            "executed-solutions",
+            FigureName::ExecutedSolutions,
             "Two solutions of one target, executed",
             "Two of ten candidates of the same start and target.",
             pictures,
@@ -164,7 +174,7 @@ impl Hardware {
     pub(super) fn obstacle(&self, bench: &Bench) -> anyhow::Result<Figure> {
         let ball = ball_that_appears();
         Ok(figure(
-            "obstacle",
+            FigureName::Obstacle,
             "Avoiding a ball, executed",
             "A ball of radius 0.4 L appears between two targets, and the robot goes around it.",
             vec![
@@ -175,18 +185,18 @@ impl Hardware {
     }
 }
 
-fn figure(id: &'static str, title: &'static str, text: &str, pictures: Vec<Picture>) -> Figure {
+fn figure(name: FigureName, title: &'static str, text: &str, pictures: Vec<Picture>) -> Figure {
     let caption = format!(
         "{text} Recorded from daemon, controller and simulated robot, whose motors lag and whose sensors are noisy: bodies as measured at {SNAPSHOTS} \
          instants from first (grey) to last (blue), and configurations as measured (colour) and commanded (thin, black). Vertical lines: a motion begins \
          or ends."
     );
     Figure {
-        id,
+        name,
         title,
         pictures,
         caption,
-        command: COMMAND.to_owned(),
+        made_by: None,
     }
 }
 

@@ -1,6 +1,7 @@
 //! What figures are drawn from: computed once, and kept as JSON.
 
-use anyhow::{Context, ensure};
+use crate::compare::subject::check;
+use anyhow::Context;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -14,6 +15,8 @@ use crate::output_files::write_whole;
 #[derive(Deserialize, Serialize)]
 pub(super) struct Kept<T> {
     settings: Value,
+    /// Where they were made: processor and number of cores.
+    pub(super) machine: String,
     /// Time that making them took, s.
     pub(super) seconds: f64,
     pub(super) data: T,
@@ -23,6 +26,7 @@ pub(super) struct Kept<T> {
 pub(super) fn keep<T: Serialize + DeserializeOwned>(
     file: &Path,
     settings: &Value,
+    machine: &str,
     make: impl FnOnce() -> anyhow::Result<T>,
 ) -> anyhow::Result<Kept<T>> {
     let name = file.display();
@@ -32,6 +36,7 @@ pub(super) fn keep<T: Serialize + DeserializeOwned>(
         let seconds = clock.elapsed().as_secs_f64();
         let made = Kept {
             settings: settings.clone(),
+            machine: machine.to_owned(),
             seconds,
             data,
         };
@@ -41,11 +46,7 @@ pub(super) fn keep<T: Serialize + DeserializeOwned>(
     let text = fs::read_to_string(file).with_context(|| format!("cannot read {name}"))?;
     let kept: Kept<T> =
         serde_json::from_str(&text).with_context(|| format!("{name}: remove it"))?;
-    ensure!(
-        kept.settings == *settings,
-        "{name} was made by other settings: {}\nthese are: {settings}\nchoose another --out, or remove the file",
-        kept.settings
-    );
+    check(file, &kept.settings, settings)?;
     Ok(kept)
 }
 
@@ -58,12 +59,15 @@ mod tests {
     fn data_are_made_once_and_refused_with_other_settings() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("numbers.json");
-        let made = keep(&file, &json!(1), || Ok(vec![0.1, 1.0 / 3.0])).unwrap();
-        let again = keep(&file, &json!(1), || -> anyhow::Result<Vec<f64>> {
+        let of = |seed: u64| json!({ "seed": seed });
+        let made = keep(&file, &of(1), "one", || Ok(vec![0.1, 1.0 / 3.0])).unwrap();
+        let again = keep(&file, &of(1), "another", || -> anyhow::Result<Vec<f64>> {
             anyhow::bail!("made twice")
         });
-        assert_eq!(made.data, again.unwrap().data);
-        let other = keep(&file, &json!(2), || Ok(vec![0.0]));
-        assert!(other.err().unwrap().to_string().contains("other settings"));
+        let again = again.unwrap();
+        assert_eq!((again.data, again.machine.as_str()), (made.data, "one"));
+        let other = keep(&file, &of(2), "one", || Ok(vec![0.0]));
+        let said = other.err().unwrap().to_string();
+        assert!(said.contains("seed is 1 there and 2 here"), "{said}");
     }
 }

@@ -2,8 +2,9 @@
 
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
-use super::processes::Processes;
+use super::processes::{self, Processes};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
+use crate::compare::figure_name::FigureName;
 use crate::sampler::PlannerName;
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
@@ -24,18 +25,20 @@ struct Measured {
 pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     let requests = bench.scale(2_000, 20_000);
     let records = bench.planner(PlannerName::Default)?.records;
-    let settings = json!({ "requests": requests });
+    let settings = json!({ "requests": requests, "processes": processes::identity()? });
     let measured: Measured = bench.keep("latency", &records, &settings, || {
         let folder = bench.arguments.out.join("latency");
-        let processes = Processes::start(&folder)?;
+        let processes = Processes::start(bench.arguments, &folder)?;
         let [stamps, plot] = ["stamps.txt", "plot.svg"].map(|name| folder.join(name));
         let [stamps_text, plot_text] =
             [&stamps, &plot].map(|it| it.to_str().context("a path that is no text"));
-        let count = requests.to_string();
+        let (count, seed) = (requests.to_string(), bench.arguments.seed.to_string());
         processes.pcc(&[
             "latency",
             "--requests",
             &count,
+            "--seed",
+            &seed,
             "--stamps",
             stamps_text?,
             "--plot",
@@ -57,7 +60,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         marks: vec![median, p99, p999],
     };
     Ok(Figure {
-        id: "latency",
+        name: FigureName::Latency,
         title: "Latency of plans through the daemon",
         pictures: vec![
             Picture::new(chart.svg()?, "histogram of the round trips"),
@@ -71,9 +74,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
              99th percentile {p99:.2} ms, 99.9th {p999:.2} ms; the longest took {:.2} ms.",
             at(1.0)
         ),
-        command: format!(
-            "pcc latency --requests {requests} --stamps stamps.txt --plot plot.svg   # with the daemon running"
-        ),
+        made_by: None,
     })
 }
 

@@ -1,5 +1,5 @@
-//! The figures of the page: the paper's, made again, and those that it does not have. Each file makes one kind: its data, its
-//! pictures, and the command that makes it.
+//! The figures of the page: the paper's, made again, and those that it does not have. Each file makes one kind: its data and its
+//! pictures.
 
 mod ablation;
 mod bench;
@@ -18,27 +18,40 @@ mod tip_length;
 mod updates;
 
 pub(super) use self::bench::Bench;
-pub(super) use self::figure::{Figure, Picture};
+pub(super) use self::figure::{Figure, Picture, escaped};
+pub(super) use self::processes::remove_what_killed_runs_left;
 
-use super::records::SetRecords;
+use self::hardware::Hardware;
+use super::figure_name::FigureName;
+use std::cell::OnceCell;
 
-/// All figures, those of the paper first.
-pub(super) fn all(bench: &Bench, sets: &[SetRecords]) -> anyhow::Result<Vec<Figure>> {
-    let hardware = hardware::Hardware::read(bench)?;
-    Ok(vec![
-        denoising::around_a_ball(bench, &hardware)?,
-        network::figure(bench)?,
-        denoising::from_two_starts(bench)?,
-        solutions::figure(bench)?,
-        ablation::figure(bench)?,
-        rivals::figure(bench)?,
-        hardware.consecutive(bench)?,
-        hardware.two_solutions(bench)?,
-        hardware.obstacle(bench)?,
-        candidates::figure(bench)?,
-        steps::figure(bench)?,
-        updates::figure()?,
-        tip_length::figure(sets)?,
-        latency::figure(bench)?,
-    ])
+/// Some figures, in their order.
+pub(super) fn make(bench: &Bench, names: &[FigureName]) -> anyhow::Result<Vec<Figure>> {
+    let executed = OnceCell::new();
+    let figure = |name: &FigureName| match name {
+        FigureName::AroundABall => denoising::around_a_ball(bench, once(&executed, bench)?),
+        FigureName::Network => network::figure(bench),
+        FigureName::Denoising => denoising::from_two_starts(bench),
+        FigureName::Solutions => solutions::figure(bench),
+        FigureName::Ablation => ablation::figure(bench),
+        FigureName::Comparison => rivals::figure(bench),
+        FigureName::Consecutive => once(&executed, bench)?.consecutive(bench),
+        FigureName::ExecutedSolutions => once(&executed, bench)?.two_solutions(bench),
+        FigureName::Obstacle => once(&executed, bench)?.obstacle(bench),
+        FigureName::Candidates => candidates::figure(bench),
+        FigureName::Steps => steps::figure(bench),
+        FigureName::Updates => updates::figure(),
+        FigureName::TipLength => tip_length::figure(bench),
+        FigureName::Latency => latency::figure(bench),
+    };
+    names.iter().map(figure).collect()
+}
+
+/// What was executed, read with the first figure that needs it.
+fn once<'a>(executed: &'a OnceCell<Hardware>, bench: &Bench) -> anyhow::Result<&'a Hardware> {
+    if let Some(known) = executed.get() {
+        return Ok(known);
+    }
+    let read = Hardware::read(bench)?;
+    Ok(executed.get_or_init(|| read))
 }

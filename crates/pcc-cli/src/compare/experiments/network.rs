@@ -1,8 +1,9 @@
 //! The paper's network, as the weights' tensors say it.
 
 use super::bench::Bench;
-use super::figure::{Figure, Picture};
+use super::figure::{Figure, Picture, escaped};
 use crate::compare::drawing::{COLOURS, Drawn, GREY, INK, font, svg};
+use crate::compare::figure_name::FigureName;
 use denoiser::{Manifest, WeightsFile};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -73,9 +74,10 @@ const FEEDS: [&[(i32, i32)]; 17] = [
 ];
 
 pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
-    let manifest = Manifest::open(&bench.models().weights)?;
-    let file = manifest.weights("mixed")?;
-    let updates = manifest.entry("mixed")?.updates;
+    let (weights, name) = (&bench.models().weights, bench.models().diffusion_weights());
+    let manifest = Manifest::open(weights)?;
+    let file = manifest.weights(name)?;
+    let entry = manifest.entry(name)?;
     let total: usize = file.shapes().map(|(_, shape)| numbers(shape)).sum();
     let drawn = svg(SIZE, |area| {
         for feed in FEEDS {
@@ -98,17 +100,20 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         Drawn::Ok(())
     })?;
     Ok(Figure {
-        id: "network",
-        title: "The paper's network, from the committed weights",
-        pictures: vec![Picture::new(drawn, "parts with their numbers of parameters; what feeds what ends in a dot")],
+        name: FigureName::Network,
+        title: "The paper's network, from its weights",
+        pictures: vec![Picture::new(
+            drawn,
+            "parts with their numbers of parameters; what feeds what ends in a dot",
+        )],
         caption: format!(
             "Diffusion step, start, target tip and obstacle graph are embedded and added to one context, which scales and shifts every block of a temporal \
              U-Net over 64 waypoints (channels 64, 128, 256; blocks down pass what they have on to those up). It estimates the noise. Each number is counted from the tensors of \
-             <code>weights/mixed.safetensors</code>: {total} numbers in all, trained for {updates} updates."
+             <code>{}</code>: {total} numbers in all, trained for {} updates.",
+            escaped(&weights.join(&entry.file).display().to_string()),
+            entry.updates
         ),
-        command: "python3 -c \"import json, struct; f = open('weights/mixed.safetensors', 'rb'); \
-                  print(json.dumps(json.loads(f.read(struct.unpack('<Q', f.read(8))[0])), indent=1))\""
-            .to_owned(),
+        made_by: None,
     })
 }
 

@@ -7,6 +7,7 @@ use crate::compare::case_log::CaseRecord;
 use crate::compare::case_sets::CaseSet;
 use crate::compare::charts::named_rows;
 use crate::compare::drawing::{Bar, COLOURS};
+use crate::compare::figure_name::FigureName;
 use crate::sampler::{PlannerName, name_of};
 
 /// This project's planner, the paper's, and the paper's rivals.
@@ -41,7 +42,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         (record.successes > 0).then(|| 1e3 * record.drawing_s / record.successes as f64)
     })?;
     Ok(Figure {
-        id: "comparison",
+        name: FigureName::Comparison,
         title: "Success and time beside the paper's rivals",
         pictures: vec![
             Picture::new(
@@ -55,15 +56,12 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         ],
         caption: format!(
             "{count} unseen mixed reference cases, {} candidates or attempts a case, one case at a time. The time of the rivals is that until their paths are \
-             there; that of all other planners is of the whole request, certificates included. All {} planners with confidence intervals: \
-             <a href=\"#set-reference\">below</a>.",
+             there; that of all other planners is of the whole request, certificates included. The whole page has all {} planners with \
+             confidence intervals below.",
             bench.arguments.candidates,
             bench.arguments.planners().len()
         ),
-        command: format!(
-            "pcc compare --sets reference --planners {} --cases {count} --out out/comparison",
-            names.join(",")
-        ),
+        made_by: None,
     })
 }
 

@@ -1,9 +1,11 @@
 //! Several solutions of one case: scenes of none to four balls, the bodies at their ends, and two motions with their six curves.
 
 use super::bench::Bench;
-use super::figure::{Figure, Picture, words};
-use crate::compare::case_sets::CaseSet;
+use super::figure::{Figure, Picture};
+use crate::compare::case_sets::{CaseSet, hash_of};
 use crate::compare::drawing::{Axis, COLOURS, Camera, GREY, Line, Lines, Scene3d, blend};
+use crate::compare::figure_name::FigureName;
+use crate::compare::subject::hexadecimal;
 use crate::evaluate::{Asked, answer};
 use crate::planner::Loaded;
 use crate::sampler::PlannerName;
@@ -197,12 +199,12 @@ pub(super) fn component_name(component: usize) -> String {
 
 pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     let loaded = bench.planner(PlannerName::Diffusion)?;
-    let settings = json!({ "draws": DRAWS, "cases": CASES });
+    let cases = SCENES.iter().map(|(balls, _)| case_of(bench, *balls));
+    let cases = cases.collect::<anyhow::Result<Vec<Case>>>()?;
+    let settings = json!({ "draws": DRAWS, "cases_hash": hexadecimal(hash_of(&cases)) });
     let solved: Vec<Solved> = bench.keep("solutions", &loaded.records, &settings, || {
-        SCENES
-            .iter()
-            .map(|(balls, _)| Solved::of(bench, &loaded, &case_of(bench, *balls)?))
-            .collect()
+        let solved = cases.iter().map(|case| Solved::of(bench, &loaded, case));
+        solved.collect()
     })?;
     let mut pictures = Vec::new();
     for (solved, (_, id)) in solved.iter().zip(SCENES) {
@@ -220,14 +222,8 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         pictures.push(two.motion(bench, index)?.in_new_row().with_id(motion));
         pictures.push(two.curves(index)?.with_id(curves));
     }
-    let start: Vec<String> = two.start.iter().map(|it| format!("{it:.5}")).collect();
-    let balls: Vec<String> = two
-        .balls()
-        .iter()
-        .map(|it| format!("--ball {} {:.4}", words(&it.centre), it.radius))
-        .collect();
     Ok(Figure {
-        id: "solutions",
+        name: FigureName::Solutions,
         title: "Several solutions among none to four balls",
         pictures,
         caption: format!(
@@ -236,12 +232,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
              tip's way from the diamond to the star. Below, the two solutions with one ball whose ends are farthest apart, as bodies and as curves of their \
              six components."
         ),
-        command: format!(
-            "pcc compare --quick --out out/compare\n# one path of the case with one ball: pcc trace --planner diffusion --tip {} --start {} {} --out solution.npz",
-            words(&Point::from(two.target)),
-            start.join(" "),
-            balls.join(" ")
-        ),
+        made_by: None,
     })
 }
 

@@ -3,10 +3,13 @@
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
 use crate::compare::case_log::CaseRecord;
-use crate::compare::case_sets::CaseSet;
+use crate::compare::case_sets::{CaseSet, hash_of};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
+use crate::compare::figure_name::FigureName;
+use crate::compare::subject::hexadecimal;
 use crate::evaluate::{Asked, answer};
 use crate::sampler::PlannerName;
+use datasets::Case;
 use denoiser::Solver;
 use planning::MOST_CORRECTIONS;
 use serde::{Deserialize, Serialize};
@@ -29,10 +32,10 @@ struct Point {
 }
 
 pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
-    let cases = bench.scale(20, 100);
+    let cases = bench.cases(&CaseSet::REFERENCE, bench.scale(20, 100))?;
     let (mut by_steps, mut by_time) = (Vec::new(), Vec::new());
     for ((solver, option, name), colour) in SOLVERS.into_iter().zip(COLOURS) {
-        let points = measure(bench, solver, option, cases)?;
+        let points = measure(bench, solver, option, &cases)?;
         let line = |x: fn(&Point) -> f64| {
             let points = points.iter().map(|it| (x(it), it.success)).collect();
             Line::measured(name, points, colour)
@@ -47,7 +50,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         marks: Vec::new(),
     };
     Ok(Figure {
-        id: "steps",
+        name: FigureName::Steps,
         title: "Success against sampling steps",
         pictures: vec![
             Picture::new(chart("steps", by_steps).svg()?, "by steps"),
@@ -57,13 +60,11 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
             ),
         ],
         caption: format!(
-            "<code>diffusion-post</code> with both solvers, {cases} unseen mixed reference cases × {} candidates, success by the paper's criterion as sampled.",
+            "<code>diffusion-post</code> with both solvers, {} unseen mixed reference cases × {} candidates, success by the paper's criterion as sampled.",
+            cases.len(),
             bench.arguments.candidates
         ),
-        command: format!(
-            "for steps in 1 2 4 6 8 12 16 25 50; do for solver in ddim dpm-solver; do\n  pcc compare --sets reference --planners diffusion-post --cases {cases} \
-             --steps $steps --solver $solver --out out/steps-$steps-$solver\ndone; done"
-        ),
+        made_by: None,
     })
 }
 
@@ -71,13 +72,15 @@ fn measure(
     bench: &Bench,
     solver: Solver,
     option: &str,
-    cases: usize,
+    cases: &[Case],
 ) -> anyhow::Result<Vec<Point>> {
     let mut points = Vec::new();
     for steps in STEPS {
         let loaded = bench.planner_by(PLANNER, &bench.models().with_steps(steps, solver))?;
         let candidates = bench.arguments.candidates;
-        let settings = json!({ "cases": cases, "candidates": candidates });
+        let settings = json!({
+            "cases": cases.len(), "cases_hash": hexadecimal(hash_of(cases)), "candidates": candidates
+        });
         let name = format!("steps-{option}-{steps}");
         points.push(bench.keep(&name, &loaded.records, &settings, || {
             let asked = Asked {
@@ -85,14 +88,19 @@ fn measure(
                 candidates,
                 corrections: MOST_CORRECTIONS,
             };
-            let set = bench.cases(&CaseSet::REFERENCE, cases)?;
             let mut records = Vec::new();
-            for (index, case) in set.into_iter().enumerate() {
+            for (index, case) in cases.iter().enumerate() {
                 let seed = bench.arguments.seed.wrapping_add(index as u64);
-                let answer = answer(&loaded.planner, asked, seed, case, None)?;
-                records.push(CaseRecord::of(&bench.robot, index, candidates, &answer));
+                let answer = answer(&loaded.planner, asked, seed, case.clone(), None)?;
+                records.push(CaseRecord::of(
+                    &bench.robot,
+                    &bench.subject.machine,
+                    index,
+                    candidates,
+                    &answer,
+                ));
             }
-            let paths = (cases * candidates) as f64;
+            let paths = (cases.len() * candidates) as f64;
             let successes: usize = records.iter().map(|it| it.successes).sum();
             let sampling_s: f64 = records.iter().map(|it| it.sampling_s).sum();
             Ok(Point {

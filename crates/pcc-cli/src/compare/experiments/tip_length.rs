@@ -1,10 +1,12 @@
 //! Time against the length of the tip's path: what planners take for how short a path, and how long motions last.
 
+use super::bench::Bench;
 use super::figure::{Figure, Picture};
+use crate::compare::case_sets::CaseSet;
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
-use crate::compare::records::{Answered, SetRecords};
+use crate::compare::figure_name::FigureName;
+use crate::compare::records::Answered;
 use crate::sampler::{PlannerName, name_of};
-use anyhow::Context;
 
 /// Planners that are left out of the first picture: others of their kind are beside them.
 const LEFT_OUT: [PlannerName; 4] = [
@@ -22,11 +24,10 @@ const MOTIONS_OF: [PlannerName; 3] = [
 /// Most motions of a planner that are shown.
 const MOST_MOTIONS: usize = 300;
 
-pub(super) fn figure(sets: &[SetRecords]) -> anyhow::Result<Figure> {
-    let set = sets
-        .iter()
-        .find(|it| it.set == "general")
-        .context("no general cases")?;
+pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
+    let arguments = bench.arguments;
+    let planners = arguments.planners();
+    let set = bench.answers(&CaseSet::GENERAL, arguments.cases(), &planners)?;
     let shown = set
         .answered
         .iter()
@@ -63,7 +64,7 @@ pub(super) fn figure(sets: &[SetRecords]) -> anyhow::Result<Figure> {
         marks: Vec::new(),
     };
     Ok(Figure {
-        id: "tip-length",
+        name: FigureName::TipLength,
         title: "Time against tip length",
         pictures: vec![
             Picture::new(
@@ -79,10 +80,7 @@ pub(super) fn figure(sets: &[SetRecords]) -> anyhow::Result<Figure> {
             "{} unseen general cases. Lower and farther left is better.",
             set.cases.len()
         ),
-        command: format!(
-            "pcc compare --sets general --cases {} --out out/general",
-            set.cases.len()
-        ),
+        made_by: None,
     })
 }
 

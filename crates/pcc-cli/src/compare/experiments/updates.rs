@@ -2,6 +2,7 @@
 
 use super::figure::{Figure, Picture};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
+use crate::compare::figure_name::FigureName;
 use anyhow::Context;
 
 /// Comments, and then lines of updates and success, %.
@@ -17,15 +18,17 @@ pub(super) fn figure() -> anyhow::Result<Figure> {
     let said = MEASURED.lines().filter_map(|line| line.strip_prefix("# "));
     let (command, text): (Vec<_>, Vec<_>) = said.partition(|line| line.starts_with("$ "));
     Ok(Figure {
-        id: "updates",
+        name: FigureName::Updates,
         title: "Success against updates of the training",
         pictures: vec![Picture::new(chart.svg()?, "by updates")],
         caption: text.join(" "),
-        command: command
-            .iter()
-            .map(|line| &line[2..])
-            .collect::<Vec<_>>()
-            .join("\n"),
+        made_by: Some(
+            command
+                .iter()
+                .map(|line| &line[2..])
+                .collect::<Vec<_>>()
+                .join("\n"),
+        ),
     })
 }
 
@@ -48,6 +51,12 @@ mod tests {
     fn the_measured_curve_is_read() {
         let points = super::measured().unwrap();
         assert!(points.len() >= 5 && points.iter().all(|it| it.1 > 0.0 && it.1 <= 1.0));
-        assert!(!super::figure().unwrap().command.is_empty());
+        assert!(
+            super::figure()
+                .unwrap()
+                .made_by
+                .unwrap()
+                .contains("pcc evaluate")
+        );
     }
 }

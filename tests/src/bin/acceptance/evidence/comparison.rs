@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use serde_json::Value;
 
 use crate::report::Report;
@@ -11,6 +11,8 @@ use crate::runs::{folder, number, run_pcc};
 use crate::scale::Scale;
 
 const COMMAND: &str = "pcc compare";
+/// How `pcc compare` refuses to go on from records of other programs, weights or cases.
+const OTHER_RUN: &str = "is of another run";
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
     report.group("comparison", COMMAND, |report| {
@@ -28,13 +30,17 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
-/// The comparison, on top of what was made of it before.
+/// The comparison, on top of what the same programs made of it before, or anew where others did.
 fn compare(scale: Scale, against: &str) -> anyhow::Result<Value> {
     let out = out(scale);
     let text = out.to_str().context("path")?;
     let mut arguments = vec!["compare", "--against", against, "--out", text];
     arguments.extend((!scale.full).then_some("--quick"));
-    run_pcc(&arguments)?;
+    if let Err(refused) = run_pcc(&arguments) {
+        ensure!(refused.to_string().contains(OTHER_RUN), refused);
+        fs::remove_dir_all(&out)?;
+        run_pcc(&arguments)?;
+    }
     let text = fs::read_to_string(out.join("compare.json"))?;
     Ok(serde_json::from_str(&text)?)
 }

@@ -4,6 +4,8 @@ mod browser;
 mod checker;
 mod comparison;
 mod page;
+mod page_commands;
+mod page_killed;
 mod paper_model;
 mod planners;
 mod referee;

@@ -2,154 +2,135 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use anyhow::Context;
-use tests::programs::{program, repository};
+use tests::programs::repository;
 
+use super::page_commands::{self, figures};
+use super::page_killed::{Killed, made};
 use crate::report::Report;
-use crate::runs::{folder, run_pcc};
+use crate::runs::folder;
 use crate::scale::Scale;
 
-/// When the first run is killed.
-const KILLED_AFTER: Duration = Duration::from_secs(30);
 /// Bar of the whole quick page, s.
 const QUICK_S: f64 = 600.0;
-/// The paper's figures and their counterparts' anchors.
-const COUNTERPARTS: &str = "docs/results/paper-figures.csv";
+/// The labels in the paper's source.
+const LABELS: &str = "tests/data/paper-figures.txt";
 /// What only a page that needs others has.
 const FOREIGN: [&str; 4] = ["<script", "<link rel=\"stylesheet", "src=\"http", "@import"];
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
     report.group("the page", "pcc compare --quick", |report| {
-        let out = folder().join("page");
-        if out.exists() {
-            fs::remove_dir_all(&out)?;
-        }
         let clock = Instant::now();
-        let quick = ["--quick"];
-        killed(&quick, &out)?;
-        let page = made(&quick, &out)?;
+        let page = whole(report, &["--quick"], "page")?;
         let seconds = clock.elapsed().as_secs_f64();
         let cores = std::thread::available_parallelism()?;
         report.check(
-            &format!(
-                "the whole page on {cores} cores, killed after {KILLED_AFTER:?} and gone on with"
-            ),
+            &format!("the whole page on {cores} cores, killed twice and gone on with"),
             format!("{seconds:.0} s"),
             &format!("< {QUICK_S} s"),
             seconds < QUICK_S,
         );
-        judge(report, &quick, &out, &page)
+        judge(report, &["--quick"], "page", &page)
     });
     if scale.full {
         report.group("the full page", "pcc compare", |report| {
-            let out = folder().join("compare");
-            killed(&[], &out)?;
-            let page = made(&[], &out)?;
-            let told = page
-                .split("Made by")
-                .nth(1)
-                .and_then(|rest| rest.split('.').next());
-            report.shown(
-                "how long the full page takes, as it says",
-                told.unwrap_or("?")
-                    .replace("<code>", "")
-                    .replace("</code>", ""),
-            );
-            judge(report, &[], &out, &page)
+            let page = whole(report, &[], "compare")?;
+            judge(report, &[], "compare", &page)
         });
     }
 }
 
-/// Whether a page is whole, needs nothing else, and comes out the same again.
-fn judge(report: &mut Report, options: &[&str], out: &Path, page: &str) -> anyhow::Result<()> {
+/// Makes a page from nothing, killed while it plans and again while it executes.
+fn whole(report: &mut Report, options: &[&str], name: &str) -> anyhow::Result<String> {
+    let out = folder().join(name);
+    if out.exists() {
+        fs::remove_dir_all(&out)?;
+    }
+    let killed = Killed::twice(report, options, &out)?;
+    let page = made(options, &out)?;
+    killed.judge(report, &out)?;
+    Ok(page)
+}
+
+/// Whether a page is whole, needs nothing else, comes out the same again, and its commands make its numbers.
+fn judge(report: &mut Report, options: &[&str], name: &str, page: &str) -> anyhow::Result<()> {
+    let out = folder().join(name);
+    let told = page
+        .split("<p>")
+        .nth(1)
+        .and_then(|it| it.split(". ").next());
+    report.shown(
+        "what the page says of its making",
+        text_of(told.unwrap_or("?")),
+    );
     counterparts(report, page)?;
-    let figures: Vec<&str> = figures(page).collect();
-    let complete = figures.iter().filter(|it| is_complete(it)).count();
+    let complete = figures(page).filter(|it| is_complete(it)).count();
     report.all_of(
         "figures with a picture and a command under it",
         complete,
-        figures.len(),
+        figures(page).count(),
     );
     let foreign = FOREIGN.iter().filter(|it| page.contains(**it));
     let foreign: Vec<String> = foreign.map(|it| (*it).to_owned()).collect();
     report.none_of("what the page needs from elsewhere", &foreign);
-    let again = made(options, out)?;
-    let is_same = again == page;
+    same_again(report, options, &out, page)?;
+    page_commands::carry_out(report, page, &out)
+}
+
+fn same_again(report: &mut Report, options: &[&str], out: &Path, page: &str) -> anyhow::Result<()> {
+    let is_same = made(options, out)? == page;
+    let figure = if is_same {
+        "the same, byte by byte"
+    } else {
+        "another one"
+    };
     report.check(
         "the page of a run that goes on from a finished one",
-        if is_same {
-            "the same, byte by byte"
-        } else {
-            "another one"
-        }
-        .to_owned(),
+        figure.to_owned(),
         "the same figures",
         is_same,
     );
     Ok(())
 }
 
-/// Begins a page and kills it.
-fn killed(options: &[&str], out: &Path) -> anyhow::Result<()> {
-    let mut child = Command::new(program("pcc"))
-        .current_dir(repository())
-        .arg("compare")
-        .args(options)
-        .arg("--out")
-        .arg(out)
-        .stdout(Stdio::null())
-        .spawn()?;
-    sleep(KILLED_AFTER);
-    child.kill()?;
-    child.wait()?;
-    Ok(())
-}
-
-/// Makes the page, or goes on with it.
-fn made(options: &[&str], out: &Path) -> anyhow::Result<String> {
-    let out_text = out.to_str().context("path")?;
-    run_pcc(&[&["compare"], options, &["--out", out_text]].concat())?;
-    Ok(fs::read_to_string(out.join("index.html"))?)
-}
-
-/// Every figure and part of a figure of the paper, by the list in the repository.
+/// Every figure and part of a figure, by its label in the paper's source.
 fn counterparts(report: &mut Report, page: &str) -> anyhow::Result<()> {
-    let list = fs::read_to_string(repository().join(COUNTERPARTS))?;
-    let rows: Vec<&str> = list
-        .lines()
-        .filter(|line| !line.starts_with('#'))
-        .skip(1)
-        .collect();
-    let is_there = |row: &&&str| {
-        let anchor = row.split(',').nth(1).unwrap_or_default();
-        let id = format!("id=\"{anchor}\"");
-        let figure = figures(page).find(|it| it.contains(&id));
-        figure.is_some_and(is_complete) && page.contains(&format!("href=\"#{anchor}\""))
+    let labels = fs::read_to_string(repository().join(LABELS))?;
+    let is_there = |label: &&str| {
+        anchor_of(page, label).is_some_and(|anchor| {
+            let id = format!("id=\"{anchor}\"");
+            let figure = figures(page).find(|it| it.contains(&id));
+            figure.is_some_and(is_complete)
+        })
     };
-    let there = rows.iter().filter(is_there).count();
     report.all_of(
-        "figures and parts of figures of the paper with their counterparts",
-        there,
-        rows.len(),
+        "figures and parts of figures in the paper's source with their counterparts",
+        labels.lines().filter(is_there).count(),
+        labels.lines().count(),
     );
     Ok(())
 }
 
-/// The figures of a page, each with its anchor.
-fn figures(page: &str) -> impl Iterator<Item = &str> {
-    let begun = page.split("<figure ").skip(1);
-    begun.filter_map(|rest| rest.split("</figure>").next())
+/// Where the page's own table leads from a label of the paper.
+fn anchor_of<'a>(page: &'a str, label: &str) -> Option<&'a str> {
+    let (_, row) = page.split_once(&format!("<td><code>{label}</code></td>"))?;
+    let (row, _) = row.split_once("</tr>")?;
+    let (_, anchor) = row.split_once("href=\"#")?;
+    anchor.split('"').next()
 }
 
 fn is_complete(figure: &str) -> bool {
-    let command = figure
-        .split("<pre>")
-        .nth(1)
-        .and_then(|rest| rest.split("</pre>").next());
     let has_picture = figure.contains("<svg") || figure.contains("<table");
-    has_picture && command.is_some_and(|it| it.contains("pcc ") || it.contains("python"))
+    has_picture && page_commands::of(figure).is_some_and(|it| it.contains("pcc compare "))
+}
+
+/// A line of HTML without its marks.
+fn text_of(html: &str) -> String {
+    let words = html.split('<').enumerate();
+    let text = words.filter_map(|(index, it)| match index {
+        0 => Some(it),
+        _ => it.split_once('>').map(|(_, text)| text),
+    });
+    text.collect()
 }

@@ -1,0 +1,137 @@
+//! The commands under the figures of a page, carried out as they stand: they make the figures' numbers again.
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, ensure};
+use serde_json::Value;
+use tests::programs::{program, repository};
+
+use crate::report::Report;
+use crate::runs::folder;
+
+/// Figures without times, whose pictures come out the same.
+const SAME_PICTURES: [&str; 3] = ["network", "denoising", "solutions"];
+/// Figures whose numbers come out the same, but for their times.
+const SAME_NUMBERS: [&str; 5] = ["denoising", "solutions", "ablation", "comparison", "steps"];
+/// Times among the numbers of records and of figures.
+const TIMES: [&str; 4] = ["seconds", "drawing_s", "sampling_s", "a_candidate_ms"];
+
+/// Carries out the commands of the figures that take a minute at most on a quick page, where pages are made, but in another folder.
+pub(super) fn carry_out(report: &mut Report, page: &str, out: &Path) -> anyhow::Result<()> {
+    let place = like_the_repository()?;
+    let mut figures: Vec<&str> = SAME_PICTURES.into_iter().chain(SAME_NUMBERS).collect();
+    figures.sort_unstable();
+    figures.dedup();
+    for id in figures {
+        let figure = find(page, id)?;
+        let command = of(figure).context("no command")?;
+        let done = Command::new("sh")
+            .current_dir(&place)
+            .args(["-c", &command])
+            .output()?;
+        let said = String::from_utf8_lossy(&done.stderr);
+        ensure!(done.status.success(), "{command}: {said}");
+        let made = place.join("out").join(id);
+        let line = |what: &str| format!("{id}: {what} that the command under it makes again");
+        if SAME_PICTURES.contains(&id) {
+            let again = fs::read_to_string(made.join("index.html"))?;
+            let (pictures, again) = (pictures(figure), pictures(find(&again, id)?));
+            let pairs = pictures.iter().zip(&again);
+            let same = pairs.filter(|(one, other)| one == other).count();
+            report.all_of(&line("pictures"), same, pictures.len().max(again.len()));
+        }
+        if SAME_NUMBERS.contains(&id) {
+            let (same, all) = numbers_again(out, &made)?;
+            report.all_of(&line("numbers but times"), same, all);
+        }
+    }
+    Ok(())
+}
+
+/// The figures of a page, each with its anchor.
+pub(super) fn figures(page: &str) -> impl Iterator<Item = &str> {
+    let begun = page.split("<figure ").skip(1);
+    begun.filter_map(|rest| rest.split("</figure>").next())
+}
+
+/// The command under a figure, as a reader copies it.
+pub(super) fn of(figure: &str) -> Option<String> {
+    let (_, rest) = figure.split_once("<pre>")?;
+    let (command, _) = rest.split_once("</pre>")?;
+    Some(command.replace("&lt;", "<").replace("&amp;", "&"))
+}
+
+fn find<'a>(page: &'a str, id: &str) -> anyhow::Result<&'a str> {
+    let begin = format!("id=\"{id}\"");
+    let found = figures(page).find(|it| it.starts_with(&begin));
+    found.with_context(|| format!("the page has no figure {id}"))
+}
+
+fn pictures(figure: &str) -> Vec<&str> {
+    let begun = figure.split("<svg").skip(1);
+    begun
+        .filter_map(|rest| rest.split("</svg>").next())
+        .collect()
+}
+
+/// A folder with what the commands read of the repository, and nothing that they have written.
+fn like_the_repository() -> anyhow::Result<PathBuf> {
+    let place = folder().join("pasted");
+    if place.exists() {
+        fs::remove_dir_all(&place)?;
+    }
+    fs::create_dir_all(place.join("target"))?;
+    for name in ["config", "weights"] {
+        symlink(repository().join(name), place.join(name))?;
+    }
+    let programs = program("pcc");
+    let programs = programs.parent().context("no folder")?;
+    symlink(programs, place.join("target/release"))?;
+    Ok(place)
+}
+
+/// How many of the numbers in the files that a command made are the same in the page's, and how many there are.
+fn numbers_again(page: &Path, made: &Path) -> anyhow::Result<(usize, usize)> {
+    let (mut same, mut all) = (0, 0);
+    for kind in ["cases", "figures"] {
+        for file in fs::read_dir(made.join(kind))? {
+            let file = file?;
+            let again = numbers_of(&file.path())?;
+            let numbers = numbers_of(&page.join(kind).join(file.file_name()))?;
+            let pairs = numbers.iter().zip(&again);
+            same += pairs.filter(|(one, other)| one == other).count();
+            all += numbers.len().max(again.len());
+        }
+    }
+    Ok((same, all))
+}
+
+/// The numbers of a file that are no times: of records, whose first line says what they are of, or of a figure's data.
+fn numbers_of(file: &Path) -> anyhow::Result<Vec<String>> {
+    let text = fs::read_to_string(file).with_context(|| file.display().to_string())?;
+    let mut numbers = Vec::new();
+    if file.extension().is_some_and(|it| it == "json") {
+        let kept: Value = serde_json::from_str(&text)?;
+        collect(&kept["data"], &mut numbers);
+    } else {
+        for line in text.lines().skip(1) {
+            collect(&serde_json::from_str(line)?, &mut numbers);
+        }
+    }
+    Ok(numbers)
+}
+
+fn collect(value: &Value, numbers: &mut Vec<String>) {
+    match value {
+        Value::Number(number) => numbers.push(number.to_string()),
+        Value::Array(values) => values.iter().for_each(|it| collect(it, numbers)),
+        Value::Object(fields) => {
+            let kept = fields.iter().filter(|it| !TIMES.contains(&it.0.as_str()));
+            kept.for_each(|(_, it)| collect(it, numbers));
+        }
+        _ => {}
+    }
+}
