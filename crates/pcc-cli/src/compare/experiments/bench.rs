@@ -40,7 +40,8 @@ impl<'a> Bench<'a> {
 
     /// Time of everything that was used so far, s.
     pub(crate) fn spent_s(&self) -> f64 {
-        self.spent_s.borrow().values().sum()
+        // The sum of nothing is -0.
+        0.0 + self.spent_s.borrow().values().sum::<f64>()
     }
 
     /// Where that was measured: processor and number of cores of each machine.
