@@ -4,7 +4,7 @@
 use std::thread::sleep;
 use std::time::Duration;
 
-use client::GoalSender;
+use client::{ClientError, GoalSender};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{GoalState, LoopFault, LoopState, Outcome};
 use shared_types::ipc::*;
@@ -350,4 +350,20 @@ fn a_flood_of_goals_starves_neither_the_robot_nor_clients_and_makes_no_flood_of_
     assert!(sent > 1_000, "the premise, a flood: {sent}");
     assert_no_flood(&statuses);
     assert_at(&mut stack, TIPS_M[0]);
+}
+
+#[test]
+fn a_goal_for_a_daemon_that_has_died_is_refused_by_name_and_the_next_daemon_hears_the_next_goal() {
+    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut goal = GoalSender::connect(&stack.world.options).unwrap();
+    goal.give(Goal::tip(TIPS_M[0]), 1.0).unwrap();
+    goal.confirm(PATIENCE).unwrap();
+    stack.kill9(Part::Daemon);
+    sleep(A_WHILE);
+    let refused = goal.give(Goal::tip(TIPS_M[1]), 1.0).unwrap_err();
+    assert!(matches!(refused, ClientError::NoServer { .. }), "{refused}");
+    stack.start(Part::Daemon);
+    stack.wait_until_ready().unwrap();
+    goal.give(Goal::tip(TIPS_M[1]), 1.0).unwrap();
+    goal.confirm(PATIENCE).unwrap();
 }

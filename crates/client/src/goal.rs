@@ -130,24 +130,31 @@ impl GoalSender {
     fn send(&mut self, goal: StandingGoal) -> Result<(), ClientError> {
         let wire = goal.to_wire();
         StandingGoal::try_from(&wire).map_err(ClientError::InvalidRequest)?;
-        if self.topic.number_of_subscribers() > 0 {
-            self.goals
-                .send_copy(wire)
-                .map_err(|reason| ClientError::transport("send a goal", reason))?;
-            self.sent = Some(goal);
-            self.asked
-                .notify()
-                .map_err(|reason| ClientError::transport("tell the daemon of a goal", reason))?;
+        let mut sent = self.send_wire(wire);
+        // A clean-up takes milliseconds, for which no goal waits. A daemon that is found dead may have been the only one that heard it.
+        if self.cleaner.clean_if_due(&self.node) {
+            sent = self.send_wire(wire);
         }
-        // A clean-up takes milliseconds, for which no goal waits; after it a daemon that died is no subscriber any more.
-        self.cleaner.clean_if_due(&self.node);
-        match self.topic.number_of_subscribers() {
-            0 => Err(ClientError::NoServer {
+        sent?;
+        self.sent = Some(goal);
+        Ok(())
+    }
+
+    /// Sends a goal to the daemon that is there.
+    fn send_wire(&self, wire: message::StandingGoal) -> Result<(), ClientError> {
+        if self.topic.number_of_subscribers() == 0 {
+            return Err(ClientError::NoServer {
                 server: DAEMON,
                 waited: Duration::ZERO,
-            }),
-            _ => Ok(()),
+            });
         }
+        self.goals
+            .send_copy(wire)
+            .map_err(|reason| ClientError::transport("send a goal", reason))?;
+        self.asked
+            .notify()
+            .map_err(|reason| ClientError::transport("tell the daemon of a goal", reason))?;
+        Ok(())
     }
 
     /// The newest status of the goal that was given last; none until the daemon has heard it.

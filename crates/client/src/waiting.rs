@@ -108,15 +108,14 @@ impl Cleaner {
         self.last = None;
     }
 
-    /// Cleans up if the period since the last time is over.
-    pub(crate) fn clean_if_due(&mut self, node: &IpcNode) {
-        if self
-            .last
-            .is_none_or(|last| last.elapsed() >= CLEANUP_PERIOD)
-        {
-            node.clean_dead_nodes();
+    /// Cleans up if the period since the last time is over; returns whether a process was found dead.
+    pub(crate) fn clean_if_due(&mut self, node: &IpcNode) -> bool {
+        let is_due = self.last.is_none_or(|it| it.elapsed() >= CLEANUP_PERIOD);
+        let is_any_dead = is_due && node.clean_dead_nodes() > 0;
+        if is_due {
             self.begin_period();
         }
+        is_any_dead
     }
 }
 

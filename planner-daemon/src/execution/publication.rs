@@ -52,11 +52,11 @@ impl Supervisor {
         if let Some(absence) = self.live.absence(now) {
             return Err(absence.into());
         }
-        // The longest stop takes long to find, and its certificate needs it among moving obstacles alone: else it is found once the motion is
+        // The longest stop takes long to find, and the certificate needs it among moving obstacles alone: else it is found once the motion is
         // on its way.
-        let stopping_s = || self.rules.stopping_s(&selected.motion);
-        let foreseen_s = self.live.moves().then(stopping_s);
-        let certificates = self.certify(selected, schedule.timing, foreseen_s.unwrap_or(0.0))?;
+        let longest_stop_s = || self.rules.stopping_s(&selected.motion);
+        let needed_s = self.live.moves().then(longest_stop_s);
+        let certificates = self.certify(selected, schedule.timing, needed_s.unwrap_or(0.0))?;
         if mono_now_ns() > until_mono_ns {
             return Err(ExecutionRefusal::SupervisionStalled);
         }
@@ -70,7 +70,7 @@ impl Supervisor {
         });
         let id = next_id(self.last_id, spoken_of, now);
         self.send(selected, id, &schedule)?;
-        let stopping_s = foreseen_s.unwrap_or_else(stopping_s);
+        let stopping_s = needed_s.unwrap_or_else(longest_stop_s);
         self.last_id = id;
         let motion = SupervisedMotion::new(
             id,

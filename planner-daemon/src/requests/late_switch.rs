@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use shared_types::clock::mono_now_ns;
 
-use super::lead_times::{TO_THE_LOOP_AMONG_RESTING, Work};
+use super::lead_times::{EARLY_TO_THE_LOOP, Work};
 use super::plan_runner::LateSwitch;
 use crate::execution::{RobotMotion, Shared, Switch};
 
@@ -24,7 +24,7 @@ pub(super) fn late_switch(
         };
         let now = mono_now_ns();
         let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
-        let in_time = followed.is_ahead(&last, TO_THE_LOOP_AMONG_RESTING.mul_f64(0.75), now);
+        let in_time = followed.is_ahead(&last, EARLY_TO_THE_LOOP.mul_f64(0.75), now);
         if to_be_done.is_known() && in_time {
             return None;
         }

@@ -7,8 +7,8 @@ use shared_types::codes::Sampler;
 
 /// Time from a motion that is ready until the controller's loop has it, where that is not to be missed.
 pub(super) const TO_THE_LOOP: Duration = Duration::from_micros(2_500);
-/// The same among obstacles that rest, where a motion is sent before its longest stop is found.
-pub(super) const TO_THE_LOOP_AMONG_RESTING: Duration = Duration::from_micros(2_200);
+/// The same of a motion that is published before its plan is whole: among obstacles that rest, where it is sent before its longest stop is found.
+pub(super) const EARLY_TO_THE_LOOP: Duration = Duration::from_micros(2_200);
 /// Lead of the first requests of a kind, before it is known how long they take.
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
@@ -84,17 +84,17 @@ impl Work {
             Self::StraightSegments => Foresight {
                 exceptional: 4,
                 margin: 1.05,
-                to_the_loop: TO_THE_LOOP_AMONG_RESTING,
+                to_the_loop: EARLY_TO_THE_LOOP,
             },
             Self::Joining | Self::JoiningAndPlanningAnew => Foresight {
                 exceptional: 32,
                 margin: 1.1,
-                to_the_loop: TO_THE_LOOP_AMONG_RESTING,
+                to_the_loop: EARLY_TO_THE_LOOP,
             },
             Self::SegmentAgain | Self::PathAgain | Self::PathAgainAndPlanningAnew => Foresight {
                 exceptional: 32,
                 margin: 1.2,
-                to_the_loop: TO_THE_LOOP_AMONG_RESTING,
+                to_the_loop: EARLY_TO_THE_LOOP,
             },
             Self::WholePlan => Foresight {
                 exceptional: 32,

@@ -128,8 +128,7 @@ impl Service {
 
     /// Whether a motion is executed before its plan is complete: planning tells of none among obstacles that move.
     fn selects_early(&self, queued: &Queued) -> bool {
-        let among_resting = queued.task.ignores_live_scene || !self.execution.live_scene_moves();
-        among_resting && queued.wants_early_selection()
+        !self.execution.live_scene_moves() && queued.wants_early_selection()
     }
 
     /// Sets the start of a task that begins where the robot is; returns where and when it begins, and the problem to be planned, with the

@@ -11,8 +11,8 @@ use crate::runs::{folder, number, run_pcc};
 use crate::scale::Scale;
 
 const COMMAND: &str = "pcc compare";
-/// How `pcc compare` refuses to go on from records of other programs, weights or cases.
-const OTHER_RUN: &str = "is of another run";
+/// How `pcc compare` refuses to go on from records of other programs or weights, and from other cases.
+const OTHER: [&str; 2] = ["is of another run", "was made with another recipe"];
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
     report.group("comparison", COMMAND, |report| {
@@ -37,7 +37,8 @@ fn compare(scale: Scale, against: &str) -> anyhow::Result<Value> {
     let mut arguments = vec!["compare", "--against", against, "--out", text];
     arguments.extend((!scale.full).then_some("--quick"));
     if let Err(refused) = run_pcc(&arguments) {
-        ensure!(refused.to_string().contains(OTHER_RUN), refused);
+        let said = refused.to_string();
+        ensure!(OTHER.iter().any(|it| said.contains(it)), refused);
         fs::remove_dir_all(&out)?;
         run_pcc(&arguments)?;
     }

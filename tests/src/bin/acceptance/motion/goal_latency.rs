@@ -154,13 +154,11 @@ fn followed(change: &Change, heard: &Heard, body: &Body) -> Followed {
 fn show(report: &mut Report, goals: &[Followed], stolen: &StolenTimes) {
     let line = |what: &str| format!("goals, latency: goal that is changed in motion: {what}");
     let never = goals.iter().filter(|goal| goal.took_ms.is_infinite());
-    report.shown(
-        &line("what was given"),
-        format!(
-            "{} goals found the robot in motion; {} were followed by no motion to them before the next one",
-            goals.len(),
-            never.count()
-        ),
+    report.check(
+        &line("followed by no motion to it before the next one is given"),
+        format!("{} of {}", never.clone().count(), goals.len()),
+        "<= 2 %",
+        50 * never.count() <= goals.len(),
     );
     for (name, of) in [
         (
