@@ -71,8 +71,8 @@ impl Solid {
         ))
     }
 
-    /// What a closed surface of triangles encloses. The surface must not cut itself; whoever looks at a triangle from outside the solid sees
-    /// its three vertices in counter-clockwise order.
+    /// What a closed surface of triangles encloses. The surface must not cut itself. Seen from outside the solid, the vertices of each
+    /// triangle are in counter-clockwise order.
     ///
     /// Vertices at exactly the same place are one.
     ///
@@ -158,8 +158,7 @@ impl Solid {
     }
 
     /// The surface as triangles, for pictures: the vertices (base frame), and for each triangle the indices of its three vertices.
-    /// Whoever looks at a triangle from outside the solid sees them in counter-clockwise order: the normal by the right-hand rule points
-    /// out of the solid. The triangles of a capsule lie inside its round surface, by 1 % of its radius at most.
+    /// The normal of a triangle by the right-hand rule points out of the solid. The triangles of a capsule lie inside its round surface, by 1 % of its radius at most.
     #[must_use]
     pub fn surface(&self) -> (Vec<Point>, Vec<[u32; 3]>) {
         let (vertices, triangles) = match &self.shape {

@@ -1,6 +1,7 @@
 //! Sets of cases: generated ones that nothing was trained with, and folders.
 
 use crate::dataset::{Unseen, generate_unseen};
+use crate::hash_text::hexadecimal;
 use anyhow::{Context, ensure};
 use datasets::{Case, Dataset, Split};
 use pcc_model::BitHash;
@@ -95,8 +96,8 @@ impl CaseSet {
     }
 }
 
-/// A number that is equal for equal cases in the same order.
-pub(super) fn hash_of(cases: &[Case]) -> u64 {
+/// A text that is equal for equal cases in the same order.
+pub(super) fn hash_of(cases: &[Case]) -> String {
     let mut hash = BitHash::new();
     for case in cases {
         let balls = case.scene.balls();
@@ -107,7 +108,7 @@ pub(super) fn hash_of(cases: &[Case]) -> u64 {
         hash.add(balls.len() as u64);
         numbers.for_each(|number| hash.add(number.to_bits()));
     }
-    hash.value()
+    hexadecimal(hash.value())
 }
 
 /// The name of a set, or of a figure, as a part of a file's name.

@@ -62,7 +62,7 @@ mod tests {
     use crate::compare::figure_name::FigureName;
     use clap::ValueEnum;
 
-    /// All figures; the first has the pictures of all parts that are no figures by themselves.
+    /// All figures; the last, which the paper does not have, has the pictures of all parts that are no figures by themselves.
     fn figures() -> Vec<Figure> {
         let names = FigureName::value_variants();
         let is_part = |it: &Counterpart| names.iter().all(|name| name_of(name) != it.anchor);
@@ -76,8 +76,10 @@ mod tests {
         let figure = |(index, name): (usize, &FigureName)| Figure {
             name: *name,
             title: "",
-            pictures: match index {
-                0 => parts.iter().map(|it| picture(it.anchor)).collect(),
+            pictures: match index + 1 {
+                count if count == names.len() => {
+                    parts.iter().map(|it| picture(it.anchor)).collect()
+                }
                 _ => vec![picture("")],
             },
             caption: String::new(),
@@ -113,12 +115,16 @@ mod tests {
         for missing in list().unwrap().iter().map(|it| it.anchor) {
             let mut fewer = figures();
             fewer.retain(|it| name_of(&it.name) != missing);
-            fewer[0].pictures.retain(|it| it.id != Some(missing));
+            let with_parts = fewer.last_mut().unwrap();
+            with_parts.pictures.retain(|it| it.id != Some(missing));
             let said = check(&fewer).unwrap_err().to_string();
-            assert!(said.contains("has no counterpart"), "{said}");
+            assert!(
+                said.contains(&format!("has no counterpart #{missing}")),
+                "{said}"
+            );
         }
         let mut without_picture = figures();
-        without_picture[1].pictures.clear();
+        without_picture[0].pictures.clear();
         assert!(check(&without_picture).is_err());
     }
 }

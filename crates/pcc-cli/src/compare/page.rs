@@ -4,9 +4,10 @@ use super::bootstrap::Interval;
 use super::charts;
 use super::comparison::{Comparison, PlannerResult, SetResult};
 use super::counterparts::{self, Counterpart};
-use super::experiments::{Figure, Picture, escaped};
+use super::experiments::{Figure, Picture};
 use super::figures::{Figures, Paired};
 use super::given_options::GivenOptions;
+use crate::html::escaped;
 use crate::sampler::name_of;
 
 /// Planners whose shares are shown by number of balls.

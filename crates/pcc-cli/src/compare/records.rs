@@ -2,7 +2,7 @@
 
 use super::case_log::{CaseLog, CaseRecord};
 use super::case_sets::{CaseSet, file_name, hash_of};
-use super::subject::{Subject, hexadecimal};
+use super::subject::Subject;
 use crate::evaluate::{Asked, answer};
 use crate::planner::{Loaded, ModelRecords, load};
 use crate::robot::unit_robot;
@@ -85,7 +85,7 @@ fn answer_all(
         corrections: MOST_CORRECTIONS,
     };
     let own = json!({
-        "set": set, "cases": cases.len(), "cases_hash": hexadecimal(hash_of(cases)), "planner": name_of(&name),
+        "set": set, "cases": cases.len(), "cases_hash": hash_of(cases), "planner": name_of(&name),
         "candidates": arguments.candidates,
     });
     let settings = subject.settings(&records, &own);

@@ -1,6 +1,7 @@
 //! What records are of: a run goes on from those alone that the same programs made of the same robot, weights, cases and options.
 
 use super::arguments::Arguments;
+use crate::hash_text::hexadecimal;
 use crate::planner::ModelRecords;
 use anyhow::Context;
 use pcc_model::Robot;
@@ -42,11 +43,6 @@ impl<'a> Subject<'a> {
             "seed": self.arguments.seed, "threads": self.arguments.threads, "of": own,
         })
     }
-}
-
-/// A hash as records have it: JSON keeps no 64 bits of a number.
-pub(super) fn hexadecimal(hash: u64) -> String {
-    format!("{hash:016x}")
 }
 
 /// SHA-256 of a file.

@@ -1,5 +1,6 @@
 //! An answer as one JSON object, with the knots of all candidates.
 
+use crate::hash_text::hexadecimal;
 use client::{Candidate, PlanAnswer};
 use serde_json::{Map, Value, json};
 use shared_types::codes::{Source, Stage};
@@ -26,11 +27,6 @@ pub(super) fn print_json(answer: &PlanAnswer, round_trip: Duration) {
         "candidates": candidates,
     });
     say!("{object:#}");
-}
-
-/// A hash, which JavaScript and others could not hold as a number.
-fn hexadecimal(hash: u64) -> String {
-    format!("{hash:016x}")
 }
 
 fn candidate(candidate: Candidate<'_>) -> Value {

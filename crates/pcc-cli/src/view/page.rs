@@ -2,6 +2,7 @@
 
 use super::samples::Samples;
 use super::surroundings::{BallTrack, Surface, Surroundings};
+use crate::html::escaped;
 use pcc_model::{Backbone, Configuration, SECTIONS};
 use serde::Serialize;
 use trajectory::Trajectory;
@@ -136,7 +137,7 @@ pub(super) fn clearance_range(motions: &[Motion], body: &Body) -> [f64; 2] {
 pub(super) fn html(title: &str, view: Option<&View>) -> anyhow::Result<String> {
     // In a script element only `</` could end the data, and JSON allows the slash to be escaped.
     let data = serde_json::to_string(&view)?.replace("</", "<\\/");
-    let title = title.replace('&', "&amp;").replace('<', "&lt;");
+    let title = escaped(title);
     let parts = [
         ("{title}", title.as_str()),
         ("{style}", STYLE),

@@ -5,7 +5,6 @@ use super::figure::{Figure, Picture};
 use crate::compare::case_sets::{CaseSet, hash_of};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
 use crate::compare::figure_name::FigureName;
-use crate::compare::subject::hexadecimal;
 use crate::evaluate::{Asked, answer};
 use crate::sampler::{PlannerName, name_of};
 use datasets::Case;
@@ -49,7 +48,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
 fn medians(bench: &Bench, name: PlannerName, cases: &[Case]) -> anyhow::Result<Vec<(f64, f64)>> {
     let loaded = bench.planner(name)?;
     let settings = json!({
-        "cases": cases.len(), "cases_hash": hexadecimal(hash_of(cases)), "counts": COUNTS
+        "cases": cases.len(), "cases_hash": hash_of(cases), "counts": COUNTS
     });
     let file = format!("candidates-{}", name_of(&name));
     bench.keep(&file, &loaded.records, &settings, || {

@@ -47,8 +47,3 @@ impl Picture {
         }
     }
 }
-
-/// A text within HTML.
-pub(crate) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;")
-}

@@ -18,7 +18,7 @@ mod tip_length;
 mod updates;
 
 pub(super) use self::bench::Bench;
-pub(super) use self::figure::{Figure, Picture, escaped};
+pub(super) use self::figure::{Figure, Picture};
 pub(super) use self::processes::remove_what_killed_runs_left;
 
 use self::hardware::Hardware;

@@ -1,9 +1,10 @@
 //! The paper's network, as the weights' tensors say it.
 
 use super::bench::Bench;
-use super::figure::{Figure, Picture, escaped};
+use super::figure::{Figure, Picture};
 use crate::compare::drawing::{COLOURS, Drawn, GREY, INK, font, svg};
 use crate::compare::figure_name::FigureName;
+use crate::html::escaped;
 use denoiser::{Manifest, WeightsFile};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};

@@ -5,7 +5,6 @@ use super::figure::{Figure, Picture};
 use crate::compare::case_sets::{CaseSet, hash_of};
 use crate::compare::drawing::{Axis, COLOURS, Camera, GREY, Line, Lines, Scene3d, blend};
 use crate::compare::figure_name::FigureName;
-use crate::compare::subject::hexadecimal;
 use crate::evaluate::{Asked, answer};
 use crate::planner::Loaded;
 use crate::sampler::PlannerName;
@@ -201,7 +200,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     let loaded = bench.planner(PlannerName::Diffusion)?;
     let cases = SCENES.iter().map(|(balls, _)| case_of(bench, *balls));
     let cases = cases.collect::<anyhow::Result<Vec<Case>>>()?;
-    let settings = json!({ "draws": DRAWS, "cases_hash": hexadecimal(hash_of(&cases)) });
+    let settings = json!({ "draws": DRAWS, "cases_hash": hash_of(&cases) });
     let solved: Vec<Solved> = bench.keep("solutions", &loaded.records, &settings, || {
         let solved = cases.iter().map(|case| Solved::of(bench, &loaded, case));
         solved.collect()

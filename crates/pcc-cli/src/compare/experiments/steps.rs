@@ -6,7 +6,6 @@ use crate::compare::case_log::CaseRecord;
 use crate::compare::case_sets::{CaseSet, hash_of};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
 use crate::compare::figure_name::FigureName;
-use crate::compare::subject::hexadecimal;
 use crate::evaluate::{Asked, answer};
 use crate::sampler::PlannerName;
 use datasets::Case;
@@ -79,7 +78,7 @@ fn measure(
         let loaded = bench.planner_by(PLANNER, &bench.models().with_steps(steps, solver))?;
         let candidates = bench.arguments.candidates;
         let settings = json!({
-            "cases": cases.len(), "cases_hash": hexadecimal(hash_of(cases)), "candidates": candidates
+            "cases": cases.len(), "cases_hash": hash_of(cases), "candidates": candidates
         });
         let name = format!("steps-{option}-{steps}");
         points.push(bench.keep(&name, &loaded.records, &settings, || {

@@ -247,6 +247,8 @@ mod tests {
             .map(|_| connect(&server, "live"))
             .collect();
         let served = open.iter().filter(|peer| is_served(peer)).count();
-        assert!((1..=MOST_CONNECTIONS).contains(&served), "{served}");
+        // The first connection's thread may be there still.
+        let expected = MOST_CONNECTIONS - 1..=MOST_CONNECTIONS;
+        assert!(expected.contains(&served), "{served}");
     }
 }

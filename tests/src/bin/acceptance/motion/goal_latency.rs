@@ -16,10 +16,10 @@ use tests::replans::{ReplanScene, random_pause};
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
-use super::figures::{first_followed, is_on_its_way, quantile};
+use super::figures::{first_followed, is_on_its_way};
 use super::moving_goal::apart;
 use super::replan_run::wait_until_held;
-use super::windows::{WINDOWS, show_windows};
+use super::windows::{WINDOWS, quantiles_text, show_windows};
 use crate::report::Report;
 use crate::scale::Scale;
 use crate::stolen::StolenTimes;
@@ -168,9 +168,8 @@ fn show(report: &mut Report, goals: &[Followed], stolen: &StolenTimes) {
         ("goal to first set-point, all windows", |it| it.took_ms),
     ] {
         let times_ms: Vec<f64> = goals.iter().map(of).collect();
-        let [median, p90, p99] = [0.5, 0.9, 0.99].map(|share| quantile(&times_ms, share));
-        let figure = format!("median {median:.2}, p90 {p90:.2}, p99 {p99:.2} ms");
-        report.shown(&line(&format!("time until or of: {name}")), figure);
+        let what = format!("time until or of: {name}");
+        report.shown(&line(&what), quantiles_text(&times_ms));
     }
     let took_ms: Vec<(Instant, f64)> = goals.iter().map(|it| (it.given_at, it.took_ms)).collect();
     show_windows(report, &line, &took_ms, stolen);

@@ -2,10 +2,10 @@
 
 use tests::world::Settings;
 
-use super::figures::{Figures, quantile};
+use super::figures::Figures;
 use super::joins::what_was_asked;
 use super::replan_run::{Population, run as replan};
-use super::windows::{WINDOWS, show_windows};
+use super::windows::{WINDOWS, quantiles_text, show_windows};
 use crate::report::Report;
 use crate::scale::Scale;
 use crate::stolen::StolenTimes;
@@ -30,9 +30,8 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
     let line = |what: &str| format!("replans, general scenes, ten candidates: {what}");
     what_was_asked(report, &line, figures);
     for (name, times_ms) in &figures.times_ms {
-        let [median, p90, p99] = [0.5, 0.9, 0.99].map(|share| quantile(times_ms, share));
-        let figure = format!("median {median:.2}, p90 {p90:.2}, p99 {p99:.2} ms");
-        report.shown(&line(&format!("time until or of: {name}")), figure);
+        let what = format!("time until or of: {name}");
+        report.shown(&line(&what), quantiles_text(times_ms));
     }
     report.check(
         &line("switches that were begun"),

@@ -27,25 +27,25 @@ impl Window {
         }
     }
 
-    fn at(&self, share: f64) -> f64 {
-        quantile(&self.took_ms, share)
-    }
-
     fn stolen_share(&self) -> f64 {
         1e-3 * self.stolen_ms / self.lasted_s
     }
 
     fn text(&self) -> String {
         format!(
-            "median {:.2}, p90 {:.2}, p99 {:.2} ms of {} goals, {:.1} ms stolen in {:.0} s",
-            self.at(0.5),
-            self.at(0.9),
-            self.at(0.99),
+            "{} of {} goals, {:.1} ms stolen in {:.0} s",
+            quantiles_text(&self.took_ms),
             self.took_ms.len(),
             self.stolen_ms,
             self.lasted_s
         )
     }
+}
+
+/// Median, p90 and p99 of times, ms.
+pub(super) fn quantiles_text(times_ms: &[f64]) -> String {
+    let [median, p90, p99] = [0.5, 0.9, 0.99].map(|share| quantile(times_ms, share));
+    format!("median {median:.2}, p90 {p90:.2}, p99 {p99:.2} ms")
 }
 
 /// Shows the times of all goals (when each was given, and ms until its first set-point) by windows, and holds the quietest, all
