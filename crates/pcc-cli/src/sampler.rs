@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use planning::{Sampler, Selection};
-use rivals::Rival;
+use rivals::{Anytime, Rival};
 
 /// A planner as `pcc evaluate --planner` names it, and a sampler as `pcc plan --sampler` does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -36,9 +36,9 @@ pub(crate) enum PlannerName {
     WRrtStar,
     /// An artificial potential field, as the paper compares with.
     Apf,
-    /// RRT* on certified edges for 50 ms an attempt.
+    /// RRT* on certified edges for 50 ms an attempt, whose paths get everything that a learned path gets after sampling.
     RrtStar,
-    /// BIT* on certified edges for 50 ms an attempt.
+    /// BIT* on certified edges for 50 ms an attempt, likewise.
     BitStar,
     /// Paths that another program drew.
     Proposed,
@@ -52,7 +52,7 @@ impl PlannerName {
         found.copied()
     }
 
-    /// The rival that draws the paths.
+    /// The paper's rival that draws the paths.
     pub(crate) fn rival(self) -> Option<Rival> {
         match self {
             Self::CRrt => Some(Rival::CRrt),
@@ -60,8 +60,15 @@ impl PlannerName {
             Self::WRrt => Some(Rival::WRrt),
             Self::WRrtStar => Some(Rival::WRrtStar),
             Self::Apf => Some(Rival::Apf),
-            Self::RrtStar => Some(Rival::RrtStar),
-            Self::BitStar => Some(Rival::BitStar),
+            _ => None,
+        }
+    }
+
+    /// The expert's planner that goes on after its first path.
+    pub(crate) fn anytime(self) -> Option<Anytime> {
+        match self {
+            Self::RrtStar => Some(Anytime::RrtStar),
+            Self::BitStar => Some(Anytime::BitStar),
             _ => None,
         }
     }
@@ -145,10 +152,8 @@ mod tests {
         }
         let others = PlannerName::value_variants().iter();
         let others = others.filter(|planner| planner.sampler().is_none());
-        assert_eq!(
-            others.filter(|planner| planner.rival().is_none()).count(),
-            1
-        );
+        let others = others.filter(|planner| planner.rival().is_none());
+        assert_eq!(others.filter(|it| it.anytime().is_none()).count(), 1);
         read("proposed").unwrap_err();
     }
 }

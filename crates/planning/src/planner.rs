@@ -4,14 +4,14 @@ use crate::error::PlannerError;
 use crate::goals::goal_configurations::check_goal;
 use crate::models::diffusion::Task;
 use crate::path::waypoints::Waypoints;
-use crate::pipeline::answer::{answer, answer_with_paths};
+use crate::pipeline::answer::{answer, answer_with_paths, answer_with_polylines};
 use crate::pipeline::context::RequestContext;
 use crate::pipeline::route::answer_route;
 use crate::plan::Plan;
 use crate::problem::{Problem, Via};
 use crate::request::{Guidance, Interrupt, Request, Supervision};
 use crate::resources::{Models, Resources};
-use pcc_model::UnitRobot;
+use pcc_model::{Configuration, UnitRobot};
 
 /// The planner, resident: the unit robot, the models, and worker threads.
 pub struct Planner {
@@ -125,14 +125,49 @@ impl Planner {
         paths: Vec<Waypoints>,
         interrupt: Interrupt,
     ) -> Result<Plan, PlannerError> {
+        self.answer_given(problem, request, interrupt, |context| {
+            answer_with_paths(context, paths)
+        })
+    }
+
+    /// Answers a request with given polylines (radians) on certified edges from the start to configurations in the goal: each is shortened,
+    /// and followed as the request's sampler, `rrt-connect` or `rrt-smooth`, follows those of its trees.
+    ///
+    /// # Errors
+    /// [`PlannerError::Infeasible`].
+    pub fn follow_polylines(
+        &self,
+        problem: &Problem,
+        request: &Request,
+        polylines: Vec<Vec<Configuration>>,
+        interrupt: Interrupt,
+    ) -> Result<Plan, PlannerError> {
+        self.answer_given(problem, request, interrupt, |context| {
+            answer_with_polylines(context, polylines)
+        })
+    }
+
+    /// Answers a request on the workers with what is given in place of a sampler.
+    fn answer_given(
+        &self,
+        problem: &Problem,
+        request: &Request,
+        interrupt: Interrupt,
+        answer: impl FnOnce(&RequestContext) -> Plan + Send,
+    ) -> Result<Plan, PlannerError> {
         problem.check_start(&self.resources.robot)?;
         let padded = self.padded(request);
         check_goal(&padded, problem, request.seed)?;
         let supervision = Supervision::new(interrupt);
         let resources = &self.resources;
         Ok(self.workers.install(|| {
-            let context = RequestContext::new(resources, &padded, problem, request, supervision);
-            answer_with_paths(&context, paths)
+            answer(&RequestContext::new(
+                resources,
+                &padded,
+                problem,
+                request,
+                supervision,
+            ))
         }))
     }
 

@@ -2,7 +2,7 @@
 //! configuration space and on tip positions, and an artificial potential field; and RRT* and BIT* as an expert would set them.
 //!
 //! The paper's look at nine points of the body in nodes and waypoints alone, as its criterion does, and nothing of theirs is certified
-//! here; the expert's have certified edges.
+//! here; the expert's ([`Anytime`]) have certified edges.
 //! Lengths are in units of one section's arc length, angles in radians, and positions in the robot's base frame.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -14,14 +14,15 @@ mod query;
 mod tip_spacing;
 mod tree;
 
+pub use anytime::Anytime;
 pub use query::Query;
 
 use datasets::reference::{PathMaker, Surroundings};
-use planning::{Waypoints, resample};
+use planning::Waypoints;
 use rand_pcg::Pcg64;
 use tree::{Growth, Space};
 
-/// A planner of the paper's comparison, or an expert's.
+/// A planner of the paper's comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rival {
     /// RRT in configuration space.
@@ -34,15 +35,10 @@ pub enum Rival {
     WRrtStar,
     /// The straight tip path to one goal configuration, pushed out of the balls.
     Apf,
-    /// RRT* on certified edges, to the nearest of several goal configurations by tip length, for 50 ms.
-    RrtStar,
-    /// BIT*, likewise.
-    BitStar,
 }
 
 impl Rival {
-    /// One attempt: a path of 64 waypoints, which may collide between the nodes that were looked at, or where the corners of certified edges
-    /// are cut; none where none was found.
+    /// One attempt: a path of 64 waypoints, which may collide between the nodes that were looked at; none where none was found.
     pub fn attempt(self, query: &Query, rng: &mut Pcg64) -> Option<Waypoints> {
         let place = Surroundings::new(query.robot, query.balls);
         match self {
@@ -53,8 +49,6 @@ impl Rival {
             Self::Apf => {
                 potential_field::path(query, &place, &mut PathMaker::new(query.robot), rng)
             }
-            Self::RrtStar => anytime::rrt_star::path(query, rng).map(|path| resample(&path)),
-            Self::BitStar => anytime::bit_star::path(query, rng).map(|path| resample(&path)),
         }
     }
 }

@@ -16,13 +16,13 @@ use crate::robot::unit_robot;
 use crate::sampler::PlannerName;
 use datasets::Case;
 use indicatif::{ProgressBar, ProgressStyle};
-use pcc_model::SECTIONS;
+use pcc_model::{Configuration, SECTIONS};
 use planning::{
     Goal, MovingObstacles, Planner, PlannerError, Problem, Request, Sampler, Stage, Waypoints,
 };
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use rivals::{Query, Rival};
+use rivals::Query;
 use std::time::Instant;
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
@@ -100,7 +100,7 @@ pub(crate) fn answer(
     let request = Request {
         candidates: asked.candidates,
         seed,
-        sampler: asked.planner.sampler().unwrap_or(Sampler::Straight),
+        sampler: asked.planner.sampler().unwrap_or(Sampler::RrtSmooth),
         limits_scale: 1.0,
         padding: [0.0; SECTIONS],
         knots: 96,
@@ -109,16 +109,20 @@ pub(crate) fn answer(
         previous: None,
     };
     let clock = Instant::now();
-    let rival = asked.planner.rival();
-    let drawn = rival.map(|rival| attempts(rival, planner, &problem, &request));
+    let is_drawn_here = given.is_none() && asked.planner.sampler().is_none();
+    let given = given.map(Given::Paths);
+    let given = given.or_else(|| draw(asked.planner, planner, &problem, &request));
     let drawing_s = clock.elapsed().as_secs_f64();
-    let answered = match given.or(drawn) {
-        Some(paths) => planner.evaluate_paths(&problem, &request, paths, &|| false),
+    let answered = match given {
+        Some(Given::Paths(paths)) => planner.evaluate_paths(&problem, &request, paths, &|| false),
+        Some(Given::Polylines(polylines)) => {
+            planner.follow_polylines(&problem, &request, polylines, &|| false)
+        }
         None => planner.plan(&problem, &request, &|| false),
     };
     let plan = match answered {
         Ok(mut plan) => {
-            if rival.is_some() {
+            if is_drawn_here {
                 plan.stages[Stage::Sample] += drawing_s;
             }
             Ok(plan)
@@ -131,19 +135,27 @@ pub(crate) fn answer(
         case,
         plan,
         seconds,
-        drawing_s: rival.map_or(seconds, |_| drawing_s),
+        drawing_s: if is_drawn_here { drawing_s } else { seconds },
     })
 }
 
-/// What as many attempts of a rival as there are candidates come to.
-fn attempts(
-    rival: Rival,
+/// What is followed in place of a sampler's paths.
+enum Given {
+    /// Whole paths, which may collide.
+    Paths(Vec<Waypoints>),
+    /// Corners of certified edges.
+    Polylines(Vec<Vec<Configuration>>),
+}
+
+/// What as many attempts of a rival as there are candidates come to; nothing where the planner is none.
+fn draw(
+    name: PlannerName,
     planner: &Planner,
     problem: &Problem,
     request: &Request,
-) -> Vec<Waypoints> {
+) -> Option<Given> {
     let Goal::Tip(target) = problem.goal else {
-        return Vec::new();
+        return None;
     };
     let query = Query {
         robot: planner.robot(),
@@ -151,10 +163,17 @@ fn attempts(
         start: problem.start,
         target,
     };
-    let attempt = |index| {
-        let mut rng = Pcg64::new(u128::from(request.seed), index as u128);
-        rival.attempt(&query, &mut rng)
-    };
+    let rng = |index| Pcg64::new(u128::from(request.seed), index as u128);
     let indices = (0..request.candidates).into_par_iter();
-    planner.install(|| indices.filter_map(attempt).collect())
+    planner.install(|| match (name.rival(), name.anytime()) {
+        (Some(rival), _) => {
+            let attempt = |index| rival.attempt(&query, &mut rng(index));
+            Some(Given::Paths(indices.filter_map(attempt).collect()))
+        }
+        (None, Some(anytime)) => {
+            let attempt = |index| anytime.attempt(&query, &mut rng(index));
+            Some(Given::Polylines(indices.filter_map(attempt).collect()))
+        }
+        (None, None) => None,
+    })
 }

@@ -243,6 +243,16 @@ pub(crate) fn answer_with_paths(context: &RequestContext, paths: Vec<Waypoints>)
     plan_of(drawn, times)
 }
 
+/// Answers a request with polylines of certified edges (radians) in place of a tree's.
+pub(crate) fn answer_with_polylines(
+    context: &RequestContext,
+    polylines: Vec<Vec<Configuration>>,
+) -> Plan {
+    let mut times = StageTimes::default();
+    let drawn = trees::follow_all(context, polylines, &mut times);
+    plan_of(drawn, times)
+}
+
 /// The plan of what was drawn: its certified candidates.
 fn plan_of(drawn: Drawn, mut times: StageTimes) -> Plan {
     let Drawn {

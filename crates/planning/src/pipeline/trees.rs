@@ -127,6 +127,41 @@ fn tree(
     draw
 }
 
+/// A motion along each of these polylines from the start to a goal configuration, which a search found on certified edges: shortened, with as
+/// much room as all of its edges have, as the paths of trees are.
+pub(super) fn follow_all(
+    context: &RequestContext,
+    polylines: Vec<Vec<Configuration>>,
+    times: &mut StageTimes,
+) -> Drawn {
+    let polylines = polylines.into_par_iter().with_max_len(1).enumerate();
+    let draws: Vec<Draw> = times.measure(Stage::Correct, || {
+        let followed = polylines.map(|(index, polyline)| follow_found(context, index, &polyline));
+        followed.collect()
+    });
+    draws.into()
+}
+
+/// The draw with this number along a polyline.
+fn follow_found(context: &RequestContext, index: usize, polyline: &[Configuration]) -> Draw {
+    let mut draw = Draw::unfinished(Source::Classical, Failure::NoPath);
+    let mut rng = context.tree_rng(index);
+    let settings = RrtSettings::default();
+    for margin in TREE_MARGINS {
+        let padded = context.padded_by(margin);
+        let search = context.search(&padded, &settings, context.supervision.interrupt);
+        let is_free = |edge: &[Configuration]| search.edge_is_free(&edge[0], &edge[1]);
+        if polyline.windows(2).all(is_free) {
+            let shorter = search.shorten(polyline.to_vec(), &mut rng);
+            if follow_ever_shorter(context, &search, shorter, rng.clone(), &mut draw) {
+                break;
+            }
+        }
+    }
+    context.note_truncation(&mut draw);
+    draw
+}
+
 /// Makes a motion of a polyline, which is shortened again where it has too many corners for that; whether there is one.
 pub(super) fn follow_ever_shorter(
     context: &RequestContext,

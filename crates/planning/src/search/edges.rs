@@ -35,7 +35,7 @@ pub(crate) struct Search<'a> {
 
 impl Search<'_> {
     /// Whether the edge between two configurations is certified free for the whole body and the whole motion.
-    pub(super) fn edge_is_free(&self, a: &Configuration, b: &Configuration) -> bool {
+    pub(crate) fn edge_is_free(&self, a: &Configuration, b: &Configuration) -> bool {
         certify_edge(self.robot, self.scene, a, b, EDGE_DEPTH).is_free()
     }
 }

@@ -2,7 +2,6 @@
 
 use super::tree::Tree;
 use super::{Attempt, nearest, neighbours};
-use crate::query::Query;
 use pcc_model::{Configuration, Point};
 use rand_pcg::Pcg64;
 use std::cmp::Ordering;
@@ -58,15 +57,14 @@ struct BitStar<'a> {
     edges: BinaryHeap<Waiting<Edge>>,
 }
 
-/// The path of the shortest tip path to a goal configuration that was found in time.
-pub(crate) fn path(query: &Query, rng: &mut Pcg64) -> Option<Vec<Configuration>> {
-    let attempt = Attempt::new(query, rng)?;
+/// The path of the shortest tip path to a goal configuration that is found in time.
+pub(super) fn path(attempt: Attempt, rng: &mut Pcg64) -> Option<Vec<Configuration>> {
     let mut search = BitStar {
-        tree: Tree::rooted(query.start),
+        tree: Tree::rooted(attempt.query.start),
         samples: Vec::new(),
         tips: Vec::new(),
         node_of: Vec::new(),
-        node_tips: vec![attempt.tip(&query.start)],
+        node_tips: vec![attempt.tip(&attempt.query.start)],
         nodes: BinaryHeap::new(),
         edges: BinaryHeap::new(),
         attempt,
@@ -74,9 +72,9 @@ pub(crate) fn path(query: &Query, rng: &mut Pcg64) -> Option<Vec<Configuration>>
     for goal in search.attempt.goals.clone() {
         search.add(goal);
     }
-    while !search.attempt.is_over() {
-        if search.nodes.is_empty() && search.edges.is_empty() && !search.begin_batch(rng) {
-            break;
+    while !search.attempt.is_over(search.shortest()) {
+        if search.nodes.is_empty() && search.edges.is_empty() {
+            search.begin_batch(rng);
         }
         search.step();
     }
@@ -100,20 +98,16 @@ impl BitStar<'_> {
         self.tree.shortest(self.goal_nodes())
     }
 
-    /// Draws more samples that may lie on a shorter path, and lets every node of the tree look at its neighbours; whether there are any.
-    fn begin_batch(&mut self, rng: &mut Pcg64) -> bool {
+    /// Draws more samples that may lie on a shorter path, and lets every node of the tree look at its neighbours.
+    fn begin_batch(&mut self, rng: &mut Pcg64) {
         let shortest = self.shortest();
-        let drawn: Vec<_> = (0..BATCH)
-            .map_while(|_| self.attempt.sample(shortest, rng))
-            .collect();
-        let is_any = !drawn.is_empty();
-        for sample in drawn {
-            self.add(sample);
+        for _ in 0..BATCH {
+            let drawn = self.attempt.sample(shortest, &self.tree.nodes, rng);
+            drawn.into_iter().for_each(|sample| self.add(sample));
         }
         for node in 0..self.tree.nodes.len() {
             self.wait(node);
         }
-        is_any
     }
 
     /// Puts a node of the tree into the queue of those that look at their neighbours.

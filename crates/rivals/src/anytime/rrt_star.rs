@@ -2,7 +2,6 @@
 
 use super::tree::Tree;
 use super::{Attempt, nearest, neighbours};
-use crate::query::Query;
 use pcc_model::Configuration;
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -12,27 +11,25 @@ const GOAL_BIAS: f64 = 0.1;
 /// Longest edge, rad.
 const LONGEST_EDGE: f64 = 1.5;
 
-/// The path of the shortest tip path to a goal configuration that was found in time.
-pub(crate) fn path(query: &Query, rng: &mut Pcg64) -> Option<Vec<Configuration>> {
-    let attempt = Attempt::new(query, rng)?;
-    let mut tree = Tree::rooted(query.start);
+/// The path of the shortest tip path to a goal configuration that is found in time.
+pub(super) fn path(attempt: &Attempt, rng: &mut Pcg64) -> Option<Vec<Configuration>> {
+    let mut tree = Tree::rooted(attempt.query.start);
     let mut reached = vec![None; attempt.goals.len()];
-    while !attempt.is_over() {
-        let shortest = tree.shortest(&reached);
+    let mut shortest = f64::INFINITY;
+    while !attempt.is_over(shortest) {
         let goal = rng.random_range(0..attempt.goals.len());
         let is_goal = rng.random::<f64>() < GOAL_BIAS && reached[goal].is_none();
-        let Some(sample) = (match is_goal {
+        let sample = match is_goal {
             true => Some(attempt.goals[goal]),
-            false => attempt.sample(shortest, rng),
-        }) else {
-            break;
+            false => attempt.sample(shortest, &tree.nodes, rng),
         };
-        let Some(node) = grow(&attempt, &mut tree, &sample) else {
+        let Some(node) = sample.and_then(|sample| grow(attempt, &mut tree, &sample)) else {
             continue;
         };
         if tree.nodes[node] == attempt.goals[goal] {
             reached[goal] = Some(node);
         }
+        shortest = tree.shortest(&reached);
     }
     tree.shortest_path(&reached)
 }
