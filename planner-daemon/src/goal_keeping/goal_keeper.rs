@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use pcc_model::{Configuration, UnitRobot};
-use shared_types::codes::{CommandSender, GoalState, MotionOutcome, Outcome, StopCause};
+use shared_types::codes::{CommandSender, GoalState, MotionOutcome, Outcome, Refusal, StopCause};
 use shared_types::message::{GoalStatus, ReasonText};
 use shared_types::valid::{Goal, MotionResult, PlanRequest, PreviousPlan, StandingGoal};
 
@@ -435,6 +435,9 @@ impl GoalKeeper {
         // What was planned last does not bring the robot there any more. Where the controller refuses again and again, there is no hurry.
         if !(was_refused && kept.was_refused) {
             kept.last_planned_for = None;
+            if result.refusal == Refusal::SwitchMissed {
+                kept.plan_at_once();
+            }
         }
         kept.was_refused = was_refused;
     }

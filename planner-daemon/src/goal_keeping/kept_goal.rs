@@ -103,6 +103,12 @@ impl KeptGoal {
         }
     }
 
+    /// Lets the next plan begin now: the motion of the last one came too late for its switch.
+    pub(super) fn plan_at_once(&mut self) {
+        self.next_plan_mono_ns = 0;
+        self.next_jump_mono_ns = 0;
+    }
+
     pub(super) fn is_headed_for(&self, target: &Target) -> bool {
         let heading = self.headings.last();
         heading.is_some_and(|heading| heading.target.is_same(target))

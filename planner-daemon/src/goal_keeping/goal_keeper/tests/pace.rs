@@ -81,6 +81,22 @@ fn a_goal_that_jumps_is_planned_for_at_once_but_not_again_and_again() {
 }
 
 #[test]
+fn a_motion_that_came_after_its_switch_is_planned_again_at_once_but_once() {
+    let mut bench = Bench::underway();
+    bench.give(StandingGoal {
+        stamp_mono_ns: GIVEN + 1,
+        ..given(GIVEN, configuration(0.6))
+    });
+    let missed = |id| refused(id, Refusal::SwitchMissed);
+    bench.heads(&following(7), 8);
+    bench.keeper.hear_result(&missed(8));
+    assert!(bench.after(1, &following(7)).is_some());
+    bench.publish(9);
+    bench.keeper.hear_result(&missed(9));
+    assert!(bench.after(18, &following(7)).is_none());
+}
+
+#[test]
 fn a_plan_in_work_is_given_up_for_a_goal_that_has_jumped() {
     let mut bench = Bench::new();
     bench.give(tip_at(1.0, 0));
