@@ -12,14 +12,14 @@ const TAIL: f64 = 0.025;
 
 /// A figure with its 95 % interval; without a value where no case has one.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct Interval {
-    pub(super) value: Option<f64>,
-    pub(super) low: Option<f64>,
-    pub(super) high: Option<f64>,
+pub(crate) struct Interval {
+    pub(crate) value: Option<f64>,
+    pub(crate) low: Option<f64>,
+    pub(crate) high: Option<f64>,
 }
 
 /// A figure of some cases, and its interval over sets of as many cases drawn from them; resamples without a value are left out.
-pub(super) fn interval<T: Sync>(
+pub(crate) fn interval<T: Sync>(
     cases: &[T],
     figure: impl Fn(&[&T]) -> Option<f64> + Sync,
 ) -> Interval {

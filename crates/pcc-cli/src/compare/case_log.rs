@@ -7,7 +7,7 @@ use pcc_model::{Configuration, UnitRobot};
 use planning::{Candidate, SampledVerdict, Source, Stage, modes};
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, Write};
+use std::io::{self, Write};
 use std::path::Path;
 
 /// What a planner did with a case.
@@ -139,32 +139,23 @@ impl CaseLog {
             .create(true)
             .open(file);
         let opened = open.with_context(|| format!("cannot open {}", file.display()))?;
+        let text = io::read_to_string(&opened)?;
+        let whole = text.rfind('\n').map_or(0, |last| last + 1);
+        opened.set_len(whole as u64)?;
         let mut log = Self {
             records: Vec::new(),
             file: opened,
         };
-        let mut lines = BufReader::new(&log.file).lines();
-        let (mut whole_bytes, mut is_whole) = (0, true);
-        match lines.next().transpose()? {
+        let mut lines = text[..whole].lines();
+        match lines.next() {
             None => drop(log.append(settings)?),
             Some(first) => {
-                let found: serde_json::Value = serde_json::from_str(&first).unwrap_or_default();
+                let found = serde_json::from_str(first).unwrap_or_default();
                 check(file, &found, settings)?;
-                whole_bytes += first.len() as u64 + 1;
-                for line in lines {
-                    let line = line?;
-                    let Ok(record) = serde_json::from_str(&line) else {
-                        is_whole = false;
-                        break;
-                    };
-                    whole_bytes += line.len() as u64 + 1;
-                    log.records.push(record);
-                }
             }
         }
-        if !is_whole {
-            log.file.set_len(whole_bytes)?;
-        }
+        let records = lines.map(serde_json::from_str).collect::<Result<_, _>>();
+        log.records = records.with_context(|| format!("{} is damaged", file.display()))?;
         Ok(log)
     }
 
@@ -231,6 +222,13 @@ mod tests {
         log.add(&record(1)).unwrap();
         let records = CaseLog::open(&file, &settings).unwrap().records;
         assert_eq!(records, [record(0), record(1)]);
+        File::options()
+            .write(true)
+            .open(&file)
+            .unwrap()
+            .set_len(5)
+            .unwrap();
+        assert!(CaseLog::open(&file, &settings).unwrap().records.is_empty());
         let refused = CaseLog::open(&file, &json!({ "seed": 2 }));
         assert!(
             refused

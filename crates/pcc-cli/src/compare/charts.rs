@@ -1,8 +1,8 @@
 //! Charts of a comparison as SVG: a row a planner with its interval, and shares by number of balls.
 
-use super::bootstrap::Interval;
 use super::comparison::{PlannerResult, SetResult};
 use super::drawing::{Area, COLOURS, Drawn, GREY as OTHERS, INK, svg};
+use crate::bootstrap::Interval;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 

@@ -23,6 +23,8 @@ pub(crate) enum FigureName {
     ExecutedSolutions,
     /// Avoiding a ball, executed.
     Obstacle,
+    /// The best candidate by each selection rule, at equal number and at equal time.
+    Best,
     /// Time against the number of candidates.
     Candidates,
     /// Success against sampling steps.

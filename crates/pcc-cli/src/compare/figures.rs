@@ -1,7 +1,7 @@
 //! Figures of a planner over some cases, and of pairs of planners case by case.
 
-use super::bootstrap::{Interval, interval};
 use super::case_log::{CaseRecord, MotionRecord};
+use crate::bootstrap::{Interval, interval};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -47,6 +47,10 @@ pub(super) struct Paired {
     pub(super) tip_shorter: Interval,
     pub(super) tip_smoother: Interval,
     pub(super) faster: Interval,
+    /// The share in which it is more.
+    pub(super) tip_longer: Interval,
+    pub(super) tip_rougher: Interval,
+    pub(super) slower: Interval,
     /// Mean over those cases of the median tip length ÷ the other's.
     pub(super) tip_length_ratio: Interval,
     /// The largest of those ratios; none where there is none.
@@ -123,18 +127,24 @@ impl Paired {
             !pair.0.motions.is_empty() && !pair.1.motions.is_empty()
         };
         let both: Vec<_> = pairs.iter().filter(have_both).copied().collect();
-        let less = |figure: fn(&MotionRecord) -> f64| {
+        let share = |figure: fn(&MotionRecord) -> f64, is: fn(&f64, &f64) -> bool| {
             interval(&both, move |pairs| {
                 let medians = pairs.iter().filter_map(|pair| medians(pair, figure));
-                mean(medians.map(|[own, other]| f64::from(u8::from(own < other))))
+                mean(medians.map(|[own, other]| f64::from(u8::from(is(&own, &other)))))
             })
         };
+        let tip_length: fn(&MotionRecord) -> f64 = |motion| motion.tip_length_ratio;
+        let tip_smoothness: fn(&MotionRecord) -> f64 = |motion| motion.tip_smoothness;
+        let duration_s: fn(&MotionRecord) -> f64 = |motion| motion.duration_s;
         Self {
             certified_ahead: ahead(certified),
             success_ahead: ahead(success),
-            tip_shorter: less(|motion| motion.tip_length_ratio),
-            tip_smoother: less(|motion| motion.tip_smoothness),
-            faster: less(|motion| motion.duration_s),
+            tip_shorter: share(tip_length, f64::lt),
+            tip_smoother: share(tip_smoothness, f64::lt),
+            faster: share(duration_s, f64::lt),
+            tip_longer: share(tip_length, f64::gt),
+            tip_rougher: share(tip_smoothness, f64::gt),
+            slower: share(duration_s, f64::gt),
             tip_length_ratio: interval(&both, |pairs| {
                 mean(pairs.iter().filter_map(|pair| tip_ratio(pair)))
             }),
@@ -173,7 +183,7 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 /// The mean of the two middle values where their number is even.
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.collect();
     let half = values.len() / 2;
     if values.is_empty() {

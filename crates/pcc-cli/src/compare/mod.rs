@@ -2,7 +2,6 @@
 //! `compare.json` and `compare.csv`.
 
 mod arguments;
-mod bootstrap;
 mod case_log;
 mod case_sets;
 mod charts;

@@ -1,12 +1,13 @@
 //! The comparison as one self-contained page.
 
-use super::bootstrap::Interval;
+use super::case_sets::CaseSet;
 use super::charts;
 use super::comparison::{Comparison, PlannerResult, SetResult};
 use super::counterparts::{self, Counterpart};
 use super::experiments::{Figure, Picture};
 use super::figures::{Figures, Paired};
 use super::given_options::GivenOptions;
+use crate::bootstrap::Interval;
 use crate::html::escaped;
 use crate::sampler::name_of;
 
@@ -73,7 +74,7 @@ pub(super) fn html(
     }
     page += &format!(
         "<h2 id=\"planners\">Planners compared</h2><p>{candidates} candidates or attempts a case, seed {seed}, one request at a time. Every case of a \
-         set is counted, and all planners answer the same ones; intervals are 95 % by the bootstrap over cases. “Success” is the paper's \
+         set is counted (what a set leaves out is said with it), and all planners answer the same ones; intervals are 95 % by the bootstrap over cases. “Success” is the paper's \
          criterion: of the paths as they were drawn (of planners that draw none, as they were corrected), a tip within 0.1 L of the target \
          and nine points of the body clear at 64 waypoints. “Certified” is this project's: the whole body, the whole motion and all \
          tendon limits; tip length, smoothness and duration are of certified motions.</p>"
@@ -208,10 +209,11 @@ fn section(
         .map(|(it, paired)| sentence(against, it, paired))
         .collect();
     Ok(format!(
-        "<h2 id=\"set-{}\">{}: {} cases</h2><div class=\"charts\">{}</div>{}<h3><code>{against}</code> beside each other planner, case by case</h3><ul>{paired}</ul><pre>{}</pre>",
+        "<h2 id=\"set-{}\">{}: {} cases</h2><p>{}</p><div class=\"charts\">{}</div>{}<h3><code>{against}</code> beside each other planner, case by case</h3><ul>{paired}</ul><pre>{}</pre>",
         escaped(&set.set),
         escaped(&set.set),
         set.cases,
+        CaseSet::filter(&set.set),
         charts.map(|svg| format!("<div>{svg}</div>")).concat(),
         table(set),
         escaped(&given.set_command(&set.set)),
@@ -284,37 +286,108 @@ fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
         };
         format!("{} [{}, {}]", text(it.value), text(it.high), text(it.low))
     };
-    let share = |it: &Interval| {
-        it.value.map_or_else(
-            || "–".to_owned(),
-            |share| format!("{:.1} %", 100.0 * (1.0 - share)),
-        )
+    let shares = |own: &Interval, other: &Interval| {
+        let text = |it: &Interval| {
+            let value = it.value;
+            value.map_or_else(|| "–".to_owned(), |share| format!("{:.1}", 100.0 * share))
+        };
+        format!("{} % ({} % the other's)", text(own), text(other))
     };
+    let ratio = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |it| format!("{it:.3}"));
     format!(
         "<li><code>{against}</code> and <code>{}</code>: certified {} points, success {} points; of {} cases that both solve, its median motion has \
-         the shorter tip in {}, the smoother tip in {}, and is the faster in {}; {}.</li>",
+         the shorter tip in {}, the smoother tip in {}, and is the faster in {}; the other's tip length ÷ its own is {} in the mean, {} at most. {}.</li>",
         other.planner,
         points(&paired.certified_ahead),
         points(&paired.success_ahead),
         paired.both,
-        share(&paired.tip_shorter),
-        share(&paired.tip_smoother),
-        share(&paired.faster),
+        shares(&paired.tip_longer, &paired.tip_shorter),
+        shares(&paired.tip_rougher, &paired.tip_smoother),
+        shares(&paired.slower, &paired.faster),
+        ratio(paired.tip_length_ratio.value),
+        ratio(paired.longest_tip),
         verdict(paired)
     )
 }
 
-fn verdict(paired: &Paired) -> &'static str {
-    match (paired.certified_ahead.low, paired.certified_ahead.high) {
-        (_, Some(high)) if high < 0.0 => "it is ahead in what is certified",
-        (Some(low), _) if low > 0.0 => "<b>it is behind</b> in what is certified",
-        _ => "no difference in what is certified is shown",
-    }
+/// In what the planner that all are paired with is ahead, and in what behind, by the intervals.
+fn verdict(paired: &Paired) -> String {
+    let by_more = |other: &Interval| match (other.low, other.high) {
+        (_, Some(high)) if high < 0.0 => Verdict::Ahead,
+        (Some(low), _) if low > 0.0 => Verdict::Behind,
+        _ => Verdict::Open,
+    };
+    let by_half = |own: &Interval, other: &Interval| match (own.low, other.low) {
+        (Some(low), _) if low > 0.5 => Verdict::Ahead,
+        (_, Some(low)) if low > 0.5 => Verdict::Behind,
+        _ => Verdict::Open,
+    };
+    let all = [
+        ("certified share", by_more(&paired.certified_ahead)),
+        ("success", by_more(&paired.success_ahead)),
+        (
+            "tip length",
+            by_half(&paired.tip_longer, &paired.tip_shorter),
+        ),
+        (
+            "smoothness",
+            by_half(&paired.tip_rougher, &paired.tip_smoother),
+        ),
+        ("duration", by_half(&paired.slower, &paired.faster)),
+    ];
+    let named = |wanted: Verdict| {
+        let names = all.iter().filter(|it| it.1 == wanted).map(|it| it.0);
+        let names: Vec<&str> = names.collect();
+        if names.is_empty() {
+            "nothing".to_owned()
+        } else {
+            names.join(", ")
+        }
+    };
+    format!(
+        "<b>Ahead</b> in {}; <b>behind</b> in {}; no difference is shown in {}",
+        named(Verdict::Ahead),
+        named(Verdict::Behind),
+        named(Verdict::Open)
+    )
+}
+
+/// What an interval of 95 % shows.
+#[derive(Clone, Copy, PartialEq)]
+enum Verdict {
+    Ahead,
+    Behind,
+    Open,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_verdict_says_what_is_ahead_and_what_is_behind() {
+        let of = |low: f64, high: f64| Interval {
+            value: Some(0.5 * (low + high)),
+            low: Some(low),
+            high: Some(high),
+        };
+        let paired = Paired {
+            certified_ahead: of(-0.3, -0.1),
+            success_ahead: of(0.1, 0.2),
+            tip_shorter: of(0.6, 0.8),
+            tip_smoother: of(0.1, 0.2),
+            faster: of(0.4, 0.6),
+            tip_longer: of(0.2, 0.4),
+            tip_rougher: of(0.7, 0.9),
+            slower: of(0.4, 0.6),
+            tip_length_ratio: of(0.9, 1.1),
+            longest_tip: Some(1.2),
+            both: 20,
+        };
+        let expected = "<b>Ahead</b> in certified share, smoothness; <b>behind</b> in success, tip length; \
+                        no difference is shown in duration";
+        assert_eq!(verdict(&paired), expected);
+    }
 
     #[test]
     fn a_page_of_two_machines_says_so() {

@@ -1,8 +1,8 @@
 //! The comparison as a table for people and as one for programs.
 
-use super::bootstrap::Interval;
 use super::comparison::{Comparison, PlannerResult, SetResult};
 use super::figures::Figures;
+use crate::bootstrap::Interval;
 
 /// A column of `compare.csv`: its name, and the figure.
 type Column = (&'static str, fn(&Figures) -> Interval);

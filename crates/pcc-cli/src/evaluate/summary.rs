@@ -2,6 +2,7 @@
 
 use super::answer::Answer;
 use super::arguments::Arguments;
+use crate::bootstrap::{Interval, interval};
 use crate::planner::ModelRecords;
 use crate::sampler::name_of;
 use pcc_model::{Configuration, UnitRobot};
@@ -54,6 +55,8 @@ struct Sampled {
     success_any: f64,
     /// `success` of the cases with so many balls.
     success_by_balls: BTreeMap<usize, f64>,
+    /// The same with its 95 % interval by the bootstrap over cases.
+    success_by_balls_interval: BTreeMap<usize, Interval>,
     /// Tip error, section lengths.
     tip_error: Spread,
     /// Tip error ÷ 3 L, the robot's length, over the candidates that succeed.
@@ -76,12 +79,25 @@ impl Sampled {
         let all = sampled.iter().flatten();
         let successful = all.clone().filter(|v| v.is_success());
         let plans = answers.iter().filter_map(|a| a.plan.as_ref().ok());
+        let by_balls = success_by_balls(answers, &sampled, arguments.candidates);
+        let mean = |cases: &[&f64]| {
+            let sum: f64 = cases.iter().copied().sum();
+            Some(sum / cases.len() as f64)
+        };
+        let intervals = by_balls
+            .iter()
+            .map(|(balls, cases)| (*balls, interval(cases, mean)));
+        let intervals: BTreeMap<usize, Interval> = intervals.collect();
+        let shares = intervals
+            .iter()
+            .filter_map(|(balls, it)| Some((*balls, it.value?)));
         Self {
             paths: sampled.iter().map(Vec::len).sum(),
             success: successes(&sampled),
             success_corrected: successes(&corrected),
             success_any: sampled.iter().filter(any).count() as f64 / answers.len() as f64,
-            success_by_balls: success_by_balls(answers, &sampled, arguments.candidates),
+            success_by_balls: shares.collect(),
+            success_by_balls_interval: intervals,
             tip_error: Spread::of(all.map(|v| v.tip_error)),
             tip_error_of_robot_length: Spread::of(successful.map(|v| v.tip_error / length)),
             seconds_per_candidate: Spread::of(
@@ -91,20 +107,20 @@ impl Sampled {
     }
 }
 
+/// The share of each case's candidates that succeed, by number of balls.
 fn success_by_balls(
     answers: &[Answer],
     sampled: &[Vec<SampledVerdict>],
     candidates: usize,
-) -> BTreeMap<usize, f64> {
-    let mut shares: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
+) -> BTreeMap<usize, Vec<f64>> {
+    let mut shares: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
     for (answer, verdicts) in answers.iter().zip(sampled) {
         let balls = answer.case.scene.balls().len();
-        let (successes, asked) = shares.entry(balls).or_default();
-        *successes += verdicts.iter().filter(|v| v.is_success()).count();
-        *asked += candidates;
+        let successes = verdicts.iter().filter(|v| v.is_success()).count();
+        let of_balls = shares.entry(balls).or_default();
+        of_balls.push(successes as f64 / candidates as f64);
     }
-    let share = |(balls, (successes, asked))| (balls, successes as f64 / asked as f64);
-    shares.into_iter().map(share).collect()
+    shares
 }
 
 /// Order statistics of one figure.

@@ -3,6 +3,7 @@
 
 mod ablation;
 mod bench;
+mod best;
 mod candidates;
 mod denoising;
 mod figure;
@@ -38,6 +39,7 @@ pub(super) fn make(bench: &Bench, names: &[FigureName]) -> anyhow::Result<Vec<Fi
         FigureName::Consecutive => once(&executed, bench)?.consecutive(bench),
         FigureName::ExecutedSolutions => once(&executed, bench)?.two_solutions(bench),
         FigureName::Obstacle => once(&executed, bench)?.obstacle(bench),
+        FigureName::Best => best::figure(bench),
         FigureName::Candidates => candidates::figure(bench),
         FigureName::Steps => steps::figure(bench),
         FigureName::Updates => updates::figure(),

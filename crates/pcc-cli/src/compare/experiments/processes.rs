@@ -42,15 +42,18 @@ pub(super) struct Processes {
     running: Vec<Child>,
 }
 
-/// What the processes are, for records of what they did: hashes of their programs and settings.
+/// What the processes are, for records of what they did: hashes of their programs, settings and scenes.
 ///
 /// # Errors
 /// As [`Processes::start`].
 pub(super) fn identity() -> anyhow::Result<Value> {
     let of = |(name, settings)| -> anyhow::Result<(String, Value)> {
         let program = sha256_of(&program(name)?)?;
-        let settings = sha256_of(settings_file(settings)?)?;
-        let hashes = json!({ "program": program, "settings": settings });
+        let file = settings_file(settings)?;
+        let table = read_settings(file)?;
+        let scene = table.get("scene").and_then(|it| it.get("file")?.as_str());
+        let scene = scene.map(|it| sha256_of(Path::new(it))).transpose()?;
+        let hashes = json!({ "program": program, "settings": sha256_of(file)?, "scene": scene });
         Ok((name.to_owned(), hashes))
     };
     let all = PROGRAMS.into_iter().map(of);
@@ -76,16 +79,21 @@ fn settings_file(file: &str) -> anyhow::Result<&Path> {
     Ok(Path::new(file))
 }
 
-/// A program's settings as its file has them, but for what this command was given: robot, weights and threads.
-fn settings(name: &str, file: &Path, arguments: &Arguments) -> anyhow::Result<String> {
+/// Settings as their file has them, but for the scene's file: it is named by its whole path.
+fn read_settings(file: &Path) -> anyhow::Result<toml::Table> {
     let text = read_text(file, MAX_SETTINGS_BYTES)?;
     let mut table: toml::Table = text.parse().with_context(|| file.display().to_string())?;
     let folder = absolute(file.parent().unwrap_or(Path::new(".")))?;
-    if let Some(toml::Value::String(scene)) =
-        table.get_mut("scene").and_then(|it| it.get_mut("file"))
-    {
+    let named = table.get_mut("scene").and_then(|it| it.get_mut("file"));
+    if let Some(toml::Value::String(scene)) = named {
         *scene = utf8(&folder.join(&*scene))?;
     }
+    Ok(table)
+}
+
+/// A program's settings with what this command was given: robot, weights and threads.
+fn settings(name: &str, file: &Path, arguments: &Arguments) -> anyhow::Result<String> {
+    let mut table = read_settings(file)?;
     let path = |given: &Path| anyhow::Ok(toml::Value::String(utf8(&absolute(given)?)?));
     table.insert("robot".to_owned(), path(&arguments.robot)?);
     if name == DAEMON {

@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
-use crate::compare::bootstrap::Interval;
+use crate::bootstrap::Interval;
 use crate::compare::case_log::CaseRecord;
 use crate::compare::case_sets::CaseSet;
 use crate::compare::charts::named_rows;
