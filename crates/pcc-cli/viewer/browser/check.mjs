@@ -6,12 +6,15 @@ import { operateAll } from "./view_controls.mjs";
 
 // Time from the navigation to the first picture, ms.
 const LOADED_MS = 2000;
+// Length of the page of a record, s: a recorder's first and last messages lie within its minute.
+const RECORDED_S = 59;
 
 async function checkView({ page, size }, title, folder, name) {
   await page.waitForSelector("body[data-ready]", { timeout: 60000 });
   const drawn = await page.evaluate(() => performance.getEntriesByName("drawn")[0].startTime);
   const length = await page.evaluate(() => document.getElementById("now").textContent.split(" of ")[1]);
   tell(`${title}: from navigation to the first picture, of ${length}`, `${drawn.toFixed(0)} ms`, `< ${LOADED_MS} ms`, drawn < LOADED_MS);
+  if (name === "record") tell(`${title}: length`, length, `>= ${RECORDED_S} s`, parseFloat(length) >= RECORDED_S);
   await keep(page, folder, `${name}-${size}-first`);
   await inOrder(page, title, size === "phone");
   await operateAll(page, title);

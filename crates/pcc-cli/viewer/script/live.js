@@ -20,7 +20,7 @@ class LiveViewer extends Viewer {
     this.letGoOf = -Infinity;
     Object.assign(this.span, { from_s: 0, until_s: 0 });
     this.legend();
-    this.follow();
+    this.show();
   }
 
   follow() {
@@ -84,7 +84,6 @@ class LiveViewer extends Viewer {
   motion({ begins_s, motion }) {
     this.marks = this.marks.concat([{ time_s: begins_s }]);
     this.addMotion(motion, true);
-    this.letGo(begins_s - KEPT_S);
     this.legend();
     this.changed();
   }

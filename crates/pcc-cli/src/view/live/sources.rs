@@ -10,12 +10,26 @@ const BEFORE_S: f64 = 0.1;
 
 /// Balls by the name of their source.
 #[derive(Default)]
-pub(super) struct Sources(BTreeMap<String, Vec<BallTrack>>);
+pub(super) struct Sources(BTreeMap<String, Source>);
+
+#[derive(Default)]
+struct Source {
+    /// Time of its newest scene, s.
+    newest_s: f64,
+    tracks: Vec<BallTrack>,
+}
 
 impl Sources {
+    /// Whether a source has told of a later time already.
+    pub(super) fn is_outdated(&self, source: &str, from_s: f64) -> bool {
+        let known = self.0.get(source);
+        known.is_some_and(|known| from_s < known.newest_s)
+    }
+
     /// From a time on a source has these balls, in place of those before.
     pub(super) fn replace(&mut self, source: String, balls: &[BallTrack], from_s: f64) {
-        let tracks = self.0.entry(source).or_default();
+        let Source { newest_s, tracks } = self.0.entry(source).or_default();
+        *newest_s = from_s;
         let goes_on = tracks.iter().any(|track| track.until_s >= from_s);
         for track in &mut *tracks {
             track.until_s = track.until_s.min(from_s);
@@ -30,7 +44,7 @@ impl Sources {
     /// Forgets balls that are gone, and sources of which none is left; returns the names of these.
     pub(super) fn forget(&mut self, now_s: f64) -> Vec<String> {
         let mut gone = Vec::new();
-        self.0.retain(|source, tracks| {
+        self.0.retain(|source, Source { tracks, .. }| {
             tracks.retain(|track| track.until_s >= (now_s - PAST_S).max(track.from_s));
             if tracks.is_empty() {
                 gone.push(source.clone());
@@ -42,7 +56,8 @@ impl Sources {
 
     /// The balls of all sources.
     pub(super) fn tracks(&self) -> Vec<BallTrack> {
-        self.0.values().flatten().copied().collect()
+        let tracks = self.0.values().flat_map(|source| &source.tracks);
+        tracks.copied().collect()
     }
 }
 
@@ -85,6 +100,16 @@ mod tests {
         assert!((places(&sources, 1.06)[0] - 5.01).abs() < 1e-12);
         assert_eq!(places(&sources, 1.04).len(), 1);
         assert_eq!(places(&sources, 1.06).len(), 1);
+    }
+
+    #[test]
+    fn a_scene_that_came_late_is_outdated_until_its_source_is_forgotten() {
+        let mut sources = Sources::default();
+        sources.replace("camera".to_owned(), &[ball(1.0, 0.0)], 1.0);
+        assert!(sources.is_outdated("camera", 0.9));
+        assert!(!sources.is_outdated("camera", 1.0) && !sources.is_outdated("other", 0.9));
+        sources.forget(2.0);
+        assert!(!sources.is_outdated("camera", 0.9));
     }
 
     #[test]

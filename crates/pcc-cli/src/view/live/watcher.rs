@@ -15,7 +15,6 @@ use shared_types::clock::{STATE_LIFETIME_NS, mono_now_ns, wall_now_ns};
 use shared_types::ipc::{self, IpcNode, IpcOptions, Subscriber};
 use shared_types::message::{RobotDescription, SceneMessage, TrajectoryMessage};
 use shared_types::valid::{ControllerState, RobotState, Scene, stamp_refusal};
-use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::path::Path;
 
@@ -160,27 +159,36 @@ impl Watcher {
     }
 
     fn tell_scenes(&mut self, hub: &Hub) -> anyhow::Result<()> {
-        let mut newest = BTreeMap::new();
         for message in received(&self.scenes)? {
             if let Some(source) = source_of(&message) {
-                newest.insert(source, message);
+                self.tell_scene(hub, source, &message)?;
             }
-        }
-        for (source, scene) in newest {
-            let balls = foreseen(&scene, self.clock);
-            let message = SourceBalls {
-                source: &source,
-                time_s: self.clock.seconds(scene.stamp_mono_ns),
-                balls: &balls,
-            };
-            hub.keep(Kept::Scene(source.clone()), &message)?;
-            let from_s = message.time_s;
-            self.sources.replace(source, &balls, from_s);
         }
         for source in self.sources.forget(self.clock.seconds(mono_now_ns())) {
             hub.forget(&Kept::Scene(source));
         }
         self.around.tracks = self.sources.tracks();
+        Ok(())
+    }
+
+    fn tell_scene(
+        &mut self,
+        hub: &Hub,
+        source: String,
+        scene: &SceneMessage,
+    ) -> anyhow::Result<()> {
+        let time_s = self.clock.seconds(scene.stamp_mono_ns);
+        if self.sources.is_outdated(&source, time_s) {
+            return Ok(());
+        }
+        let balls = foreseen(scene, self.clock);
+        let message = SourceBalls {
+            source: &source,
+            time_s,
+            balls: &balls,
+        };
+        hub.keep(Kept::Scene(source.clone()), &message)?;
+        self.sources.replace(source, &balls, time_s);
         Ok(())
     }
 
