@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Judges every certified motion of `pcc evaluate` by dense sampling: geometry and time law of its own, numpy alone.
 
-    scripts/check_motions.py DIR [DIR ..] [--robot config/robots/unit.toml]
+    scripts/check_motions.py DIR [DIR ..] --dataset DATA [--robot config/robots/unit.toml]
 
-DIR has paths.npz. Knots are joined by quintic Hermite polynomials; each piece is looked at in equal steps of time, the body at equal
+DIR has paths.npz; starts, targets and balls are those of the cases of the data set's split `test`. Knots are joined by quintic Hermite polynomials; each piece is looked at in equal steps of time, the body at equal
 steps of each arc. A motion is contradicted where a sampled point is in a ball (a sampled clearance is never less than the true
-one), its start or its tip is elsewhere, a section bends too far, or a tendon exceeds a limit. Prints a line a folder and one
-JSON object at the end; exit status 1 where a motion is contradicted.
+one), its start or its tip is elsewhere, a section bends too far, or a tendon exceeds a limit. The first motion of each folder is judged
+once more in copies that are damaged in one way each, which must all be contradicted. Prints a line a folder and one JSON object at the
+end; exit status 1 where a motion is contradicted or a damaged copy is not.
 """
 
 import argparse
@@ -26,6 +27,8 @@ START_TOLERANCE_RAD = 1e-6
 BENDING_SLACK_RAD = 5e-3
 LIMIT_SLACK = 1e-6
 ROUNDING = 1e-9
+# The code of the split `test` in a data set's `split_indices`.
+TEST_SPLIT = 2
 
 
 class Robot:
@@ -128,46 +131,83 @@ def faults(robot, times, knots, start, target, centres, radii):
     return found
 
 
+def damaged(robot, motion, start, target, centres, radii):
+    """Copies of a motion and its case that are wrong in one way each, by what is wrong with them: the arguments of `faults`."""
+    times, knots = motion
+    elsewhere, faster, bent = knots.copy(), times / 1.5, knots.copy()
+    elsewhere[0, 0, 0] += 1e-3
+    bent[len(bent) // 2, 0, 0] += robot.limit
+    middle = backbone(robot, knots[len(knots) // 2, 0][None])[0]
+    hit = np.vstack([centres.reshape(-1, 3), middle[:1]]), np.append(radii, 1.0e-3)
+    return {
+        "start": (times, elsewhere, start, target, centres, radii),
+        "limits": (faster, knots * np.array([1.0, 1.5, 1.5**2])[:, None], start, target, centres, radii),
+        "bending": (times, bent, start, target, centres, radii),
+        "target": (times, knots, start, target + [0.0, 0.0, 2 * TIP_TOLERANCE], centres, radii),
+        "contact": (times, knots, start, target, *hit),
+    }
+
+
 def judge_case(job):
-    robot, case, times, knots, certified, start, target, centres, radii = job
-    contradicted, judged = [], 0
-    for candidate in np.flatnonzero(certified):
+    robot, case, times, knots, delivered, certified, start, target, centres, radii = job
+    contradicted, motions = [], []
+    for candidate in np.flatnonzero(delivered | certified):
         count = int(np.isfinite(times[candidate]).sum())
-        found = faults(robot, times[candidate, :count], knots[candidate, :count], start, target, centres, radii)
-        judged += 1
+        motions.append((times[candidate, :count], knots[candidate, :count]))
+        found = faults(robot, *motions[-1], start, target, centres, radii)
         if found:
             contradicted.append(f"case {case}, candidate {candidate}: {'; '.join(found)}")
-    return judged, contradicted
+    unnoticed, copies = [], {}
+    if case == 0 and motions:
+        copies = damaged(robot, motions[0], start, target, centres, radii)
+        unnoticed = [f"{what} damaged, unnoticed" for what, copy in copies.items() if not faults(robot, *copy)]
+    return len(motions), int(certified.sum()), contradicted, len(copies), unnoticed
 
 
-def jobs(robot, folder):
-    with np.load(folder / "paths.npz") as file:
+def cases(dataset):
+    """Start, target, and balls of each case of the split `test`, in file order."""
+    with np.load(dataset / "dataset.npz") as file:
         arrays = {name: file[name] for name in file.files}
-    offsets = arrays["obstacle_offsets"]
-    for case in range(len(arrays["starts"])):
-        balls = slice(offsets[case], offsets[case + 1])
+    offsets, seen = arrays["obstacle_offsets"], set()
+    for row in np.flatnonzero(arrays["split_indices"] == TEST_SPLIT):
+        key = int(arrays["target_indices"][row]), int(arrays["start_indices"][row])
+        if key in seen:
+            continue
+        seen.add(key)
+        balls = slice(offsets[row], offsets[row + 1])
         scene = arrays["obstacle_centres"][balls], arrays["obstacle_radii"][balls]
-        motions = arrays["knot_time"][case], arrays["knots"][case], arrays["delivered"][case]
-        yield robot, case, *motions, arrays["starts"][case], arrays["target_tips"][case], *scene
+        ends = arrays["paths"][row, 0], arrays["target_tips"][row]
+        yield tuple(array.astype(float) for array in (*ends, *scene))
+
+
+def jobs(robot, folder, dataset):
+    with np.load(folder / "paths.npz") as file:
+        times, knots, delivered, certified = (file[name] for name in ("knot_time", "knots", "delivered", "certified"))
+    for case, of_dataset in zip(range(len(times)), cases(dataset), strict=False):
+        yield robot, case, times[case], knots[case], delivered[case], certified[case], *of_dataset
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="+", type=Path)
+    parser.add_argument("--dataset", required=True, type=Path)
     parser.add_argument("--robot", default="config/robots/unit.toml")
     arguments = parser.parse_args()
     robot = Robot(arguments.robot)
-    whole = {"judged": 0, "contradicted": 0}
+    whole = {"judged": 0, "certified": 0, "contradicted": 0, "damaged": 0, "unnoticed": 0}
     with ProcessPoolExecutor() as workers:
         for folder in arguments.folders:
-            results = list(workers.map(judge_case, jobs(robot, folder), chunksize=4))
-            contradicted = [text for _, texts in results for text in texts]
-            judged = sum(count for count, _ in results)
-            print(f"{folder}: {judged} motions, {len(contradicted)} contradicted", *contradicted, sep="\n  ", flush=True)
-            whole["judged"] += judged
-            whole["contradicted"] += len(contradicted)
+            results = list(workers.map(judge_case, jobs(robot, folder, arguments.dataset), chunksize=4))
+            counts, certified, contradicted, damages, unnoticed = zip(*results)
+            texts = [text for of_case in (*contradicted, *unnoticed) for text in of_case]
+            print(f"{folder}: {sum(counts)} motions, {len(texts)} faults", *texts, sep="\n  ", flush=True)
+            whole["judged"] += sum(counts)
+            whole["certified"] += sum(certified)
+            whole["contradicted"] += sum(map(len, contradicted))
+            whole["damaged"] += sum(damages)
+            whole["unnoticed"] += sum(map(len, unnoticed))
     print(json.dumps(whole))
-    sys.exit(whole["contradicted"] > 0)
+    sys.exit(whole["contradicted"] + whole["unnoticed"] > 0)
 
 
 if __name__ == "__main__":

@@ -25,9 +25,9 @@ const PLANNERS: [&str; 6] = [
     "straight-drawn",
     "rrt-smooth",
 ];
-const PURE: &str = PLANNERS[0];
-const POST: &str = PLANNERS[1];
-const GUIDED: &str = PLANNERS[2];
+pub(crate) const PURE: &str = PLANNERS[0];
+pub(crate) const POST: &str = PLANNERS[1];
+pub(crate) const GUIDED: &str = PLANNERS[2];
 /// Those that sample nothing, the null arms.
 const NULL_ARMS: [&str; 3] = [PLANNERS[3], PLANNERS[4], PLANNERS[5]];
 const STEPS: [usize; 8] = [1, 2, 4, 8, 10, 15, 25, 50];
@@ -41,23 +41,23 @@ const STEPS_TOLERANCE: f64 = 2.0;
 const PAPER_MS: f64 = 34.0;
 
 /// What the paper reports of a setting.
-struct Paper {
+pub(crate) struct Paper {
     /// Success of a candidate with post correction, %.
     post_success: f64,
     /// Change of the mean terminal error by post correction, %.
-    post_tip_error: f64,
+    pub(crate) post_tip_error: f64,
     /// Change of the run time by post correction and by guidance, %.
     post_time: f64,
     guided_time: f64,
 }
 
-const PAPER_MIXED: Paper = Paper {
+pub(crate) const PAPER_MIXED: Paper = Paper {
     post_success: 91.11,
     post_tip_error: -45.4,
     post_time: 56.8,
     guided_time: 102.2,
 };
-const PAPER_FREE: Paper = Paper {
+pub(crate) const PAPER_FREE: Paper = Paper {
     post_success: 99.62,
     post_tip_error: -55.6,
     post_time: 15.1,
@@ -261,7 +261,11 @@ fn corrected_row(result: &Value, motions: &Motions) -> anyhow::Result<String> {
 }
 
 /// What a planner changes of the pure sampler's mean tip error where paths succeed, beside what it changes in the paper.
-fn tip_error_change(pure: &Value, other: &Value, paper: Option<f64>) -> anyhow::Result<String> {
+pub(crate) fn tip_error_change(
+    pure: &Value,
+    other: &Value,
+    paper: Option<f64>,
+) -> anyhow::Result<String> {
     let path = "/sampled/tip_error_of_robot_length/mean";
     let [before, after] = [pure, other].map(|result| number(result, path));
     let change = percent_more(after?, before?);
@@ -339,7 +343,7 @@ fn modes_of_certified(out: &Path) -> anyhow::Result<Vec<usize>> {
 }
 
 /// Sampling alone, the three samplers in turns, so that other load falls on all of them.
-fn time_of_refinements(
+pub(crate) fn time_of_refinements(
     report: &mut Report,
     scale: Scale,
     unseen: &Unseen,

@@ -11,6 +11,18 @@ use crate::runs::{folder, number, run_pcc};
 use crate::scale::Scale;
 
 const COMMAND: &str = "pcc compare";
+/// Candidates, or attempts, of every case.
+const ATTEMPTS: f64 = 10.0;
+/// Figures of every planner, with their scales and digits: without a value where nothing is certified, the last four.
+const FIGURES: [(&str, f64, usize); 7] = [
+    ("success", 100.0, 1),
+    ("certified", 100.0, 1),
+    ("seconds_a_success", 1e3, 3),
+    ("tip_length_ratio", 1.0, 3),
+    ("tip_smoothness", 1.0, 1),
+    ("duration_s", 1.0, 2),
+    ("modes", 1.0, 1),
+];
 /// How `pcc compare` refuses to go on from records of other programs or weights, and from other cases.
 const OTHER: [&str; 2] = ["is of another run", "was made with another recipe"];
 
@@ -23,6 +35,14 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             }
         }
         let compared = compare(scale, "fast")?;
+        let attempts = number(&compared, "/candidates")?;
+        report.check(
+            "attempts a case",
+            attempts.to_string(),
+            &format!("{ATTEMPTS}"),
+            attempts >= ATTEMPTS,
+        );
+        says_who_is_ahead(report, scale, &compared)?;
         for set in compared["sets"].as_array().context("no sets")? {
             show(report, scale, set)?;
         }
@@ -31,7 +51,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
 }
 
 /// The comparison, on top of what the same programs made of it before, or anew where others did.
-fn compare(scale: Scale, against: &str) -> anyhow::Result<Value> {
+pub(super) fn compare(scale: Scale, against: &str) -> anyhow::Result<Value> {
     let out = out(scale);
     let text = out.to_str().context("path")?;
     let mut arguments = vec!["compare", "--against", against, "--out", text];
@@ -54,37 +74,125 @@ fn show(report: &mut Report, scale: Scale, set: &Value) -> anyhow::Result<()> {
     let name = set["set"].as_str().context("no name")?;
     let planners = set["planners"].as_array().context("no planners")?;
     let (cases, bar) = (number(set, "/cases")?, scale.pick(10.0, 250.0));
-    let all = super::planners::planners().count();
     report.check(
-        &format!("{name}: cases, and planners that answered them"),
-        format!("{cases}, {}", planners.len()),
-        &format!(">= {bar}, >= {all}"),
-        cases >= bar && planners.len() >= all,
+        &format!("{}: cases", title(name)),
+        cases.to_string(),
+        &format!(">= {bar}"),
+        cases >= bar,
     );
+    let names: Vec<&str> = planners
+        .iter()
+        .filter_map(|it| it["planner"].as_str())
+        .collect();
+    let missing = super::planners::planners().filter(|name| !names.contains(name));
+    let missing: Vec<String> = missing.map(str::to_owned).collect();
+    report.none_of(&format!("{name}: planners that are missing"), &missing);
     for planner in planners {
-        let figure = |key: &str, scale: f64, digits: usize| {
-            let of = |end: &str| {
-                let value = planner.pointer(&format!("/all/{key}/{end}"));
-                let value = value.and_then(Value::as_f64);
-                value.map_or_else(|| "–".to_owned(), |it| format!("{:.digits$}", scale * it))
-            };
-            format!("{} [{}, {}]", of("value"), of("low"), of("high"))
+        let texts = FIGURES.map(|figure| text_of(planner, figure));
+        let has_motions = number(planner, "/all/certified/value")? > 0.0;
+        let has_successes = number(planner, "/all/success/value")? > 0.0;
+        let is_needed = |key: &str| match key {
+            "success" | "certified" | "modes" => true,
+            "seconds_a_success" => has_successes,
+            _ => has_motions,
         };
-        report.shown(
+        let complete = FIGURES.iter().zip(&texts);
+        let complete = complete.filter(|((key, ..), text)| !is_needed(key) || !text.contains('–'));
+        let [success, certified, ms, tip, smoothness, duration, modes] = &texts;
+        report.check(
             &format!("{name}: {}", planner["planner"].as_str().unwrap_or("?")),
             format!(
-                "success {} %, certified {} %, {} ms a success, tip length ÷ distance {}, smoothness {}, {} s, {} modes",
-                figure("success", 100.0, 1),
-                figure("certified", 100.0, 1),
-                figure("seconds_a_success", 1e3, 3),
-                figure("tip_length_ratio", 1.0, 3),
-                figure("tip_smoothness", 1.0, 1),
-                figure("duration_s", 1.0, 2),
-                figure("modes", 1.0, 1),
+                "success {success} %, certified {certified} %, {ms} ms a success, tip length ÷ distance {tip}, smoothness {smoothness}, {duration} s, \
+                 {modes} modes"
             ),
+            "each with its interval",
+            complete.count() == FIGURES.len(),
         );
     }
     Ok(())
+}
+
+/// A figure with its interval.
+fn text_of(planner: &Value, (key, scale, digits): (&str, f64, usize)) -> String {
+    let of = |end: &str| {
+        let value = planner.pointer(&format!("/all/{key}/{end}"));
+        let value = value.and_then(Value::as_f64);
+        value.map_or_else(|| "–".to_owned(), |it| format!("{:.digits$}", scale * it))
+    };
+    format!("{} [{}, {}]", of("value"), of("low"), of("high"))
+}
+
+/// A set's name, with what is not in it.
+fn title(name: &str) -> &str {
+    match name {
+        "hard" => "hard (drawn such that segments collide and rrt-connect finds a path)",
+        _ => name,
+    }
+}
+
+/// Whether the page names, for each pair of planners, what `fast` is behind in and what it is ahead in by the intervals.
+fn says_who_is_ahead(report: &mut Report, scale: Scale, compared: &Value) -> anyhow::Result<()> {
+    let page = fs::read_to_string(out(scale).join("index.html"))?;
+    let (mut said, mut all) = (0, 0);
+    for set in compared["sets"].as_array().context("no sets")? {
+        let name = set["set"].as_str().context("no name")?;
+        let (_, section) = page
+            .split_once(&format!("id=\"set-{name}\""))
+            .context("no section")?;
+        for planner in set["planners"].as_array().context("no planners")? {
+            let paired = &planner["paired"];
+            if paired.is_null() {
+                continue;
+            }
+            let other = planner["planner"].as_str().context("no name")?;
+            let (_, sentence) = section
+                .split_once(&format!("and <code>{other}</code>: "))
+                .with_context(|| format!("{name}: no sentence about {other}"))?;
+            let sentence = sentence.split("</li>").next().unwrap_or_default();
+            all += 1;
+            said += usize::from(is_told(sentence, paired));
+        }
+    }
+    report.all_of(
+        "pairs of planners of which the page says in what fast is ahead and in what behind",
+        said,
+        all,
+    );
+    Ok(())
+}
+
+/// Whether a sentence names in its parts what the intervals show.
+fn is_told(sentence: &str, paired: &Value) -> bool {
+    let end = |key: &str, end: &str| paired.pointer(&format!("/{key}/{end}"))?.as_f64();
+    let (_, parts) = sentence.split_once("Ahead</b>").unwrap_or_default();
+    let (ahead, parts) = parts.split_once("behind</b>").unwrap_or_default();
+    let (behind, _) = parts.split_once("no difference").unwrap_or_default();
+    // These are the other's less fast's.
+    let of_differences = [
+        ("certified share", "certified_ahead"),
+        ("success", "success_ahead"),
+    ]
+    .map(|(name, key)| {
+        let is_ahead = end(key, "high").is_some_and(|high| high < 0.0);
+        let is_behind = end(key, "low").is_some_and(|low| low > 0.0);
+        (name, is_ahead, is_behind)
+    });
+    let of_shares = [
+        ("tip length", "tip_longer", "tip_shorter"),
+        ("smoothness", "tip_rougher", "tip_smoother"),
+        ("duration", "slower", "faster"),
+    ]
+    .map(|(name, own, other)| {
+        let [is_ahead, is_behind] =
+            [own, other].map(|it| end(it, "low").is_some_and(|it| it > 0.5));
+        (name, is_ahead, is_behind)
+    });
+    of_differences
+        .into_iter()
+        .chain(of_shares)
+        .all(|(name, is_ahead, is_behind)| {
+            ahead.contains(name) == is_ahead && behind.contains(name) == is_behind
+        })
 }
 
 /// The learned sampler beside a planner that has everything but the network, case by case.
@@ -97,6 +205,8 @@ fn fast_beside(report: &mut Report, rival: &str, set: &Value) -> anyhow::Result<
     let percent = |key: &str| -> anyhow::Result<f64> {
         Ok(100.0 * number(paired, &format!("/{key}/value"))?)
     };
+    let both = number(paired, "/both")?;
+    let cases = number(set, "/cases")?;
     let [shorter, smoother] = [percent("tip_shorter")?, percent("tip_smoother")?];
     let ahead = percent("certified_ahead")?;
     let (is_hard, is_drawn) = (name == "hard", rival == "straight-drawn");
@@ -108,12 +218,12 @@ fn fast_beside(report: &mut Report, rival: &str, set: &Value) -> anyhow::Result<
         }
     };
     share(
-        "tip shorter, of the cases that both solve",
+        &format!("tip shorter, of the {both} of {cases} cases that both solve"),
         shorter,
         is_hard,
     );
     share(
-        "tip smoother, of the cases that both solve",
+        &format!("tip smoother, of the {both} of {cases} cases that both solve"),
         smoother,
         is_hard && is_drawn,
     );
@@ -130,13 +240,17 @@ fn fast_beside(report: &mut Report, rival: &str, set: &Value) -> anyhow::Result<
     if !is_hard {
         let longest = number(paired, "/longest_tip")?;
         report.at_most(
-            &line("tip length ÷ the other's, largest of all cases"),
+            &line(&format!(
+                "tip length ÷ the other's, largest of the {both} of {cases} cases that both solve"
+            )),
             longest,
             1.01,
         );
         let mean = number(paired, "/tip_length_ratio/value")?;
         report.at_most(
-            &line("tip length ÷ the other's, mean of all cases"),
+            &line(&format!(
+                "tip length ÷ the other's, mean of the {both} of {cases} cases that both solve"
+            )),
             mean,
             1.0,
         );

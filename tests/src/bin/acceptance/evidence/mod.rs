@@ -9,6 +9,7 @@ mod page_killed;
 mod paper_model;
 mod planners;
 mod referee;
+mod refinements;
 mod rivals;
 mod view;
 
@@ -21,6 +22,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     page::run,
     comparison::run,
     paper_model::run,
+    refinements::run,
     checker::run,
     |report, _| view::run(report),
 ];

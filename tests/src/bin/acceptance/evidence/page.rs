@@ -60,9 +60,14 @@ fn judge(report: &mut Report, options: &[&str], name: &str, page: &str) -> anyho
         .split("<p>")
         .nth(1)
         .and_then(|it| it.split(". ").next());
-    report.shown(
+    let told = text_of(told.unwrap_or("?"));
+    let minutes = told.split(" minutes of measuring").next();
+    let minutes = minutes.and_then(|it| it.rsplit(' ').next()?.parse::<f64>().ok());
+    report.check(
         "what the page says of its making",
-        text_of(told.unwrap_or("?")),
+        told,
+        "how many minutes it took",
+        minutes.is_some_and(|it| it > 0.0),
     );
     counterparts(report, page)?;
     let complete = figures(page).filter(|it| is_complete(it)).count();
@@ -101,7 +106,7 @@ fn counterparts(report: &mut Report, page: &str) -> anyhow::Result<()> {
         anchor_of(page, label).is_some_and(|anchor| {
             let id = format!("id=\"{anchor}\"");
             let figure = figures(page).find(|it| it.contains(&id));
-            figure.is_some_and(is_complete)
+            figure.is_some_and(|it| is_complete(it) && has_part(it, &id))
         })
     };
     report.all_of(
@@ -110,6 +115,16 @@ fn counterparts(report: &mut Report, page: &str) -> anyhow::Result<()> {
         labels.lines().count(),
     );
     Ok(())
+}
+
+/// Whether a figure is what has this anchor, or the part of it that has it has a picture.
+fn has_part(figure: &str, id: &str) -> bool {
+    if figure.starts_with(id) {
+        return true;
+    }
+    let part = figure.split_once(id).map(|(_, rest)| rest);
+    let part = part.and_then(|rest| rest.split("</div>").next());
+    part.is_some_and(|it| it.contains("<svg"))
 }
 
 /// Where the page's own table leads from a label of the paper.

@@ -1,7 +1,9 @@
 //! The paper's model at the paper's figures and beyond.
 
+use std::fs;
 use std::path::Path;
 
+use anyhow::Context;
 use serde_json::Value;
 use tests::programs::repository;
 
@@ -16,6 +18,8 @@ const PAPER: f64 = 91.11;
 const FOUR_BALLS: f64 = 80.0;
 /// Rows of the paper's updates.
 const ROWS_OF_AN_UPDATE: u64 = 64;
+/// Success against updates, as the page draws it.
+const CURVE: &str = "docs/results/updates.csv";
 /// Unseen mixed cases of this project's own generator.
 const UNSEEN: Unseen = Unseen {
     seed: 9012,
@@ -48,6 +52,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             cases,
             10,
         )?;
+        curve(report, &model)?;
         let rows = model.updates * model.rows_of_an_update()?;
         report.check(
             "updates of the committed weights",
@@ -62,6 +67,25 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         );
         Ok(())
     });
+}
+
+/// The curve on the page: it ends with the committed weights, after as many updates as are asked for.
+fn curve(report: &mut Report, model: &Model) -> anyhow::Result<()> {
+    let text = fs::read_to_string(repository().join(CURVE))?;
+    let rows = text.lines().filter(|line| !line.starts_with(['#', 'u']));
+    let updates = rows.map(|row| row.split(',').next().unwrap_or_default().parse());
+    let updates: Vec<u64> = updates.collect::<Result<_, _>>()?;
+    let last = updates.last().copied().unwrap_or_default();
+    report.check(
+        &format!("the curve against updates, {} points", updates.len()),
+        format!(
+            "to {last} updates; the committed weights have {}",
+            model.updates
+        ),
+        ">= 200000, the committed weights'",
+        last >= 200_000 && last == model.updates,
+    );
+    Ok(())
 }
 
 fn succeed(
@@ -79,19 +103,18 @@ fn succeed(
         .candidates(draws)
         .run(report, scale)?;
     let evaluated = number(&result, "/cases")?;
-    let by_balls = result.pointer("/sampled/success_by_balls");
-    let by_balls = by_balls.and_then(Value::as_object).into_iter().flatten();
-    let by_balls: Vec<String> = by_balls
-        .map(|(balls, share)| {
-            format!(
-                "{balls}: {:.1} %",
-                100.0 * share.as_f64().unwrap_or(f64::NAN)
-            )
-        })
-        .collect();
+    let intervals = result.pointer("/sampled/success_by_balls_interval");
+    let intervals = intervals.and_then(Value::as_object);
+    let intervals = intervals.context("result.json has no intervals")?;
+    let mut texts = Vec::new();
+    for (balls, interval) in intervals {
+        let [share, low, high] = ["/value", "/low", "/high"].map(|end| number(interval, end));
+        let [share, low, high] = [share?, low?, high?].map(|it| 100.0 * it);
+        texts.push(format!("{balls}: {share:.1} [{low:.1}, {high:.1}] %"));
+    }
     let success = 100.0 * number(&result, "/sampled/success")?;
     report.check(
-        &format!("{population}: diffusion-post as sampled, {evaluated} cases × {draws}, by number of balls {}", by_balls.join(", ")),
+        &format!("{population}: diffusion-post as sampled, {evaluated} cases × {draws}, by number of balls, with 95 % intervals over cases: {}", texts.join(", ")),
         format!("{success:.2} %"),
         &format!(">= {PAPER} %, of {cases} cases"),
         success >= PAPER && evaluated as usize >= cases,
