@@ -23,11 +23,12 @@ const DAEMON: &str = "planner-daemon";
 const PREFIX: &str = "pcc-page-";
 const SHARED_MEMORY: &str = "/dev/shm";
 
-/// Runs a program, and ends it with a SIGTERM as soon as standard input ends, so that it does not outlive a parent that is killed.
+/// Runs a program, and ends it with a SIGTERM as soon as standard input ends, so that it does not outlive a parent that is killed; one that
+/// takes longer than 3 s over that, as a demonstration whose controller is gone, is killed.
 const WHILE_INPUT_LASTS: &str = r#"trap "" INT
 exec 3<&0
 "$@" </dev/null 3<&- & program=$!
-{ read -r _ <&3; kill "$program"; } 2>/dev/null & watch=$!
+{ read -r _ <&3; kill "$program"; sleep 3; kill -9 "$program"; } 2>/dev/null & watch=$!
 wait "$program"; status=$?
 kill "$watch" 2>/dev/null
 exit "$status""#;
@@ -286,6 +287,9 @@ mod tests {
             command.stdin(Stdio::piped()).spawn().unwrap()
         };
         assert_eq!(end(&mut run("exec sleep 100")).unwrap().code(), Some(143));
+        let mut deaf = run("trap '' TERM; while true; do sleep 1; done");
+        std::thread::sleep(std::time::Duration::from_millis(500));
+        assert_eq!(end(&mut deaf).unwrap().code(), Some(137));
         let mut own = run("exit 3");
         let input = own.stdin.take();
         assert_eq!(own.wait().unwrap().code(), Some(3));
