@@ -44,14 +44,17 @@ struct Measured {
     candidates: usize,
     /// Median time of a request, ms.
     request_ms: f64,
-    /// By case, where it has a motion: the figure of the best one by each rule.
-    best: Vec<Option<[f64; RULES.len()]>>,
+    /// By case, where it has a motion.
+    best: Vec<Option<Best>>,
 }
+
+/// The figure of the best motion of a case by each rule; none of the clearance where there are no obstacles.
+type Best = [Option<f64>; RULES.len()];
 
 /// A planner with as many candidates as one of the two comparisons gives it.
 struct Arm {
     name: String,
-    best: Vec<Option<[f64; RULES.len()]>>,
+    best: Vec<Option<Best>>,
 }
 
 pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
@@ -155,19 +158,20 @@ fn of_all(
     })
 }
 
-/// The figure of the best motion by each rule; none where there is no motion.
-fn best_of(candidates: &[Candidate], start: &Configuration) -> Option<[f64; RULES.len()]> {
-    let mut best = [0.0; RULES.len()];
+/// The best of some motions by each rule; none where there is no motion.
+fn best_of(candidates: &[Candidate], start: &Configuration) -> Option<Best> {
+    let mut best = [None; RULES.len()];
     for (figure, (rule, _)) in best.iter_mut().zip(RULES) {
         let candidate = &candidates[select(candidates, start, rule)?];
         let metrics = &candidate.metrics;
-        *figure = match rule {
+        let value = match rule {
             Selection::ShortestTipPath => metrics.tip_length / metrics.tip_distance,
             Selection::LargestClearance => metrics.clearance,
             Selection::Smoothest => metrics.tip_smoothness,
             Selection::NearestGoalConfiguration => (candidate.end() - start).norm(),
             Selection::ShortestTime | Selection::ByIndex => metrics.duration_s,
         };
+        *figure = Some(value).filter(|it| it.is_finite());
     }
     Some(best)
 }
@@ -189,10 +193,8 @@ fn picture(
     let rows: Vec<_> = arms
         .iter()
         .map(|arm| {
-            let values = solved
-                .iter()
-                .filter_map(|case| Some(arm.best[*case]?[rule]));
-            let values: Vec<f64> = values.filter(|it| it.is_finite()).collect();
+            let values = solved.iter().filter_map(|case| arm.best[*case]?[rule]);
+            let values: Vec<f64> = values.collect();
             let of_all = |values: &[&f64]| median(values.iter().map(|it| **it));
             (arm.name.as_str(), interval(&values, of_all))
         })
