@@ -82,7 +82,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         pictures,
         caption: format!(
             "Medians over the cases that all of these planners solve, with 95 % intervals by the bootstrap over cases. × 10: equal number. The other row of a \
-             planner has the most of {COUNTS:?} candidates whose median request takes no longer than that of the slowest planner takes for ten ({}). Of \
+             planner has the most candidates, up to 64, whose median request takes no longer than that of the slowest planner takes for ten ({}). Of \
              clearance more is better, of all others less.",
             told.join("; ")
         ),

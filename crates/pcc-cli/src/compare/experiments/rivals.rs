@@ -56,7 +56,8 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         ],
         caption: format!(
             "{count} unseen mixed reference cases, {} candidates or attempts a case, one case at a time. The time of the rivals is that until their paths are \
-             there; that of all other planners is of the whole request, certificates included. The whole page has all {} planners with \
+             there; that of all other planners is of the whole request, certificates included. The paper has 91.11 % and 34.0 ms a successful path for its planner \
+             (on an NVIDIA RTX 5090), about 70 % for workspace RRT, RRT* and APF, and about 65 % for configuration-space RRT and RRT*. The whole page has all {} planners with \
              confidence intervals below.",
             bench.arguments.candidates,
             bench.arguments.planners().len()
