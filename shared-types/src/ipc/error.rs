@@ -137,11 +137,16 @@ pub enum IpcError {
     },
     /// The service exists with other messages or qualities.
     #[error(
-        "service {service} exists with other types or capacities ({reason}): stop all its users and start them again from one build and one configuration"
+        "service {service} exists with other {} ({reason}): stop all its users and start them again from one build and one configuration",
+        what_differs(.expected, .found)
     )]
     Incompatible {
         /// The service's name.
         service: String,
+        /// The protocol's version and the types, with their sizes and alignments in bytes, that this program has.
+        expected: String,
+        /// Those of the service that is there.
+        found: String,
         /// What iceoryx2 said.
         reason: String,
     },
@@ -176,6 +181,14 @@ pub enum IpcError {
         /// What iceoryx2 said.
         reason: String,
     },
+}
+
+/// In what a service that is there is another one.
+fn what_differs(expected: &str, found: &str) -> String {
+    match expected == found {
+        true => format!("capacities, the types being the same, {found}"),
+        false => format!("types: expected {expected}; found {found}"),
+    }
 }
 
 /// The end of the message that a service is full.

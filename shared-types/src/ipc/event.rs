@@ -88,7 +88,7 @@ fn event(node: &IpcNode, settings: &EventDescription) -> Result<EventService, Ip
             .max_nodes(NODES)
             .open_or_create()
     };
-    open_service(node, settings.name, open)
+    open_service(node, settings.name, &[], open)
 }
 
 /// Makes a notifier, after cleaning up dead ones.

@@ -2,8 +2,8 @@
 
 use iceoryx2::prelude::{CallbackProgression, ipc};
 use iceoryx2::service::Service;
-use iceoryx2::service::static_config::messaging_pattern::MessagingPattern;
 
+use super::carried::CarriedTypes;
 use super::node::user;
 use super::{IpcError, IpcOptions};
 
@@ -38,7 +38,8 @@ pub fn live_services(options: &IpcOptions) -> Result<Vec<LiveService>, IpcError>
             users.sort_unstable();
             services.push(LiveService {
                 name: name.to_owned(),
-                type_name: type_name(details.static_details.messaging_pattern()),
+                type_name: CarriedTypes::of(details.static_details.messaging_pattern())
+                    .first_name(),
                 users,
                 dead,
             });
@@ -51,18 +52,4 @@ pub fn live_services(options: &IpcOptions) -> Result<Vec<LiveService>, IpcError>
     })?;
     services.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(services)
-}
-
-fn type_name(pattern: &MessagingPattern) -> String {
-    match pattern {
-        MessagingPattern::PublishSubscribe(it) => {
-            it.message_type_details().payload.type_name().to_string()
-        }
-        MessagingPattern::RequestResponse(it) => it
-            .request_message_type_details()
-            .payload
-            .type_name()
-            .to_string(),
-        _ => String::new(),
-    }
 }

@@ -11,6 +11,7 @@
 //!
 //! A process that must be the only one of its kind holds a [`RoleLock`] for as long as it lives.
 
+mod carried;
 mod error;
 mod event;
 mod heartbeats;

@@ -19,7 +19,9 @@ use iceoryx2::service::builder::request_response::{
 };
 use iceoryx2::service::service_hash::ServiceHash;
 
+use super::carried::CarriedTypes;
 use super::{IpcError, IpcNode, root_folder};
+use crate::message::Layout;
 
 /// Processes that may open one service at the same time, dead ones that nobody has cleaned up yet included.
 pub const NODES: usize = 80;
@@ -65,8 +67,8 @@ impl Cause {
         )
     }
 
-    /// The error for the service with this full name.
-    fn error(self, service: String, reason: String) -> IpcError {
+    /// The error for the service with this full name, which carries these types where it is there.
+    fn error(self, service: String, reason: String, types: Types) -> IpcError {
         match self {
             Self::Corrupted | Self::OtherVersion => {
                 IpcError::OtherLibraryVersion { service, reason }
@@ -76,7 +78,14 @@ impl Cause {
                 port: "process",
                 users: Vec::new(),
             },
-            Self::Incompatible => IpcError::Incompatible { service, reason },
+            Self::Incompatible => IpcError::Incompatible {
+                service,
+                expected: types.expected.to_string(),
+                found: types
+                    .found
+                    .map_or("types that cannot be read".to_owned(), |it| it.to_string()),
+                reason,
+            },
             Self::HalfMade | Self::InFlux | Self::Other => IpcError::Failed {
                 service,
                 what: "as a whole",
@@ -86,7 +95,7 @@ impl Cause {
     }
 }
 
-/// Opens the service `name` with `open`, again where it failed for a passing reason. No two of this project's processes
+/// Opens the service `name`, which carries these messages, with `open`, again where it failed for a passing reason. No two of this project's processes
 /// open at once; what is half-made then, and no live process says that it is making, is a dead process's and is removed.
 ///
 /// # Errors
@@ -95,6 +104,7 @@ impl Cause {
 pub(super) fn open_service<T, E: OpeningError>(
     node: &IpcNode,
     name: &str,
+    carries: &[Layout],
     open: impl Fn(Builder<ipc::Service>) -> Result<T, E>,
 ) -> Result<T, IpcError> {
     let full = node.options().service_name(name);
@@ -116,8 +126,19 @@ pub(super) fn open_service<T, E: OpeningError>(
     node.retry(open_alone, transient)
         .map_err(|failure| match failure {
             Failure::Lock(error) => error,
-            Failure::Open(error) => error.cause().error(full, format!("{error:?}")),
+            Failure::Open(error) => {
+                let found = CarriedTypes::found(node, &name, E::PATTERN);
+                let expected = CarriedTypes::expected(carries);
+                let types = Types { expected, found };
+                error.cause().error(full, format!("{error:?}"), types)
+            }
         })
+}
+
+/// What a service should carry and what it does.
+struct Types {
+    expected: CarriedTypes,
+    found: Option<CarriedTypes>,
 }
 
 enum Failure<E> {

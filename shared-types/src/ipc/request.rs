@@ -18,7 +18,7 @@ use iceoryx2::service::port_factory::server::ServerCreateError;
 
 use super::opening::{NODES, open_service};
 use super::{IpcError, IpcNode};
-use crate::message::{Command, CommandReply, Knot, PlanReport, PlanRequest};
+use crate::message::{Command, CommandReply, Knot, Layout, Payload, PlanReport, PlanRequest};
 
 /// The open service `plan`.
 pub type PlanService = RequestResponse<ipc::Service, PlanRequest, (), [Knot], PlanReport>;
@@ -40,6 +40,9 @@ pub type CommandRequest = ActiveRequest<ipc::Service, Command, (), CommandReply,
 pub type CommandServer = Server<ipc::Service, Command, (), CommandReply, ()>;
 /// Sends commands; create it in the thread that uses it.
 pub type CommandClient = Client<ipc::Service, Command, (), CommandReply, ()>;
+
+/// What `plan` carries: requests, answers, and the answers' header.
+const PLAN_CARRIES: [Layout; 3] = [PlanRequest::LAYOUT, Knot::LAYOUT, PlanReport::LAYOUT];
 
 /// One live server, and one that died and was not cleaned up yet.
 const SERVERS: usize = 2;
@@ -165,7 +168,7 @@ pub fn plan_service(
         let builder = builder.response_user_header::<PlanReport>();
         with_settings(builder, &settings).open_or_create()
     };
-    open_service(node, settings.name, open)
+    open_service(node, settings.name, &PLAN_CARRIES, open)
 }
 
 fn with_settings<Asked, Answer, Header>(
@@ -206,7 +209,7 @@ pub fn open_plan_service(node: &IpcNode) -> Result<PlanService, IpcError> {
         }
     };
     let name = plan_settings(&PlanServiceCapacity::default()).name;
-    open_service(node, name, open)?.ok_or_else(|| IpcError::Missing {
+    open_service(node, name, &PLAN_CARRIES, open)?.ok_or_else(|| IpcError::Missing {
         service: node.options().service_name(name),
         creator: "the planner-daemon",
     })
@@ -250,7 +253,8 @@ pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
         let builder = builder.request_response::<Command, CommandReply>();
         with_settings(builder, &COMMAND).open_or_create()
     };
-    open_service(node, COMMAND.name, open)
+    let carries = [Command::LAYOUT, CommandReply::LAYOUT];
+    open_service(node, COMMAND.name, &carries, open)
 }
 
 /// Makes the controller's server of commands, after cleaning up dead ones.

@@ -263,7 +263,8 @@ macro_rules! topic_functions {
             let open = |builder: ServiceBuilder<ipc::Service>| {
                 with_settings(builder.publish_subscribe::<$message>(), &$settings).open_or_create()
             };
-            let service = open_service(node, $settings.name, open)?;
+            let carries = [<$message as Payload>::LAYOUT];
+            let service = open_service(node, $settings.name, &carries, open)?;
             Ok(Topic { service, settings: $settings })
         }
     )*
