@@ -3,7 +3,12 @@
 import os
 import time
 
-from wire import Wire, every, hermite, newest, take_role
+import numpy as np
+
+from wire import Wire, every, newest, take_role
+
+# From position, velocity and acceleration at both ends of a piece of unit duration to the coefficients of its polynomial.
+QUINTIC = np.linalg.inv([[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 2, 0, 0, 0], [1] * 6, [0, 1, 2, 3, 4, 5], [0, 0, 2, 6, 12, 20]])
 
 wire = Wire()
 lock = take_role(wire, "controller")
@@ -19,6 +24,17 @@ state = wire.new(
 )  # fmt: skip
 heart = wire.new("Heartbeat", instance=begun, kind=wire.code("ProcessKind", "Controller"), pid=os.getpid())
 result, motion, heard_ns = wire.new("MotionResult", instance=begun), None, begun
+
+
+def hermite(knots, time_s):
+    """Position and velocity of a motion at a time: quintic Hermite between its knots [s, rad, rad/s, rad/s²]."""
+    index = next((i for i in range(1, len(knots) - 1) if knots[i].time_s > time_s), len(knots) - 1)
+    a, b = knots[index - 1], knots[index]
+    span = b.time_s - a.time_s
+    powers = ((time_s - a.time_s) / span) ** np.arange(6)
+    ends = [(knot.configuration_rad, knot.velocity_rad_s, knot.acceleration_rad_s2) for knot in (a, b)]
+    polynomial = QUINTIC @ (np.reshape(ends, (6, 6)) * span ** np.array([[0], [1], [2], [0], [1], [2]]))
+    return powers @ polynomial, np.arange(1, 6) * powers[:5] @ polynomial[1:] / span
 
 
 def tell(of, outcome, path_time_s=0.0, **why):

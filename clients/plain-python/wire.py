@@ -10,6 +10,7 @@ import ctypes
 import fcntl
 import json
 import os
+import re
 from pathlib import Path
 
 import iceoryx2 as iox2
@@ -22,6 +23,17 @@ METHODS = {
     "safe_overflow_for_requests": "enable_safe_overflow_for_requests",
     "safe_overflow_for_responses": "enable_safe_overflow_for_responses",
 }  # fmt: skip
+# Errors of a service that is there and does not fit.
+OPEN_ERRORS = (
+    iox2.PublishSubscribeOpenOrCreateError, iox2.RequestResponseOpenOrCreateError, iox2.RequestResponseOpenError,
+    iox2.EventOpenOrCreateError,
+)  # fmt: skip
+PATTERNS = {
+    "publish_subscribe": iox2.MessagingPattern.PublishSubscribe, "request_response": iox2.MessagingPattern.RequestResponse,
+    "event": iox2.MessagingPattern.Event,
+}  # fmt: skip
+# A message's type in the text of a service's details: name, bytes, alignment.
+TYPE = r'\b(?:user_header|payload): TypeDetail \{.*?data: "([^"]*)".*?size: (\d+),\s*alignment: (\d+)'
 
 
 class Wire:
@@ -93,12 +105,30 @@ class Wire:
         service = self.services[name]
         builder = self.node.service_builder(iox2.ServiceName.new(f"{self.prefix}/{name}"))
         builder = getattr(self, service["pattern"])(builder, service)
-        if name == "plan":
-            return builder.open()
-        for setting, value in service.items():
-            method = getattr(builder, METHODS.get(setting, setting), None)
-            builder = method(value) if method else builder
-        return builder.open_or_create()
+        try:
+            if name == "plan":
+                return builder.open()
+            for setting, value in service.items():
+                method = getattr(builder, METHODS.get(setting, setting), None)
+                builder = method(value) if method else builder
+            return builder.open_or_create()
+        except OPEN_ERRORS as error:
+            if "Incompatible" not in str(error):
+                raise
+            expected, found = self.expected_types(service), self.found_types(service)
+            raise TypeError(f"service {name} is another one ({error}): expected {expected}; found {found}") from error
+
+    def expected_types(self, service):
+        """The types of a service's messages as wire.json has them, in words."""
+        names = [service[part] for part in ("payload", "request", "response_user_header", "response") if service.get(part)]
+        messages = [self.description["messages"][name] for name in names]
+        return in_words((message["type_name"], message["bytes"], message["alignment"]) for message in messages)
+
+    def found_types(self, service):
+        """Those of the service that is there, read from the text of its details: iceoryx2 0.10.0 has no other way in Python."""
+        name = iox2.ServiceName.new(f"{self.prefix}/{service['name']}")
+        details = iox2.Service.details(name, self.node.config, PATTERNS[service["pattern"]], iox2.ServiceType.Ipc)
+        return in_words(found for found in re.findall(TYPE, str(details), re.DOTALL) if found[0] != "()")
 
     def publish_subscribe(self, builder, service):
         payload = self.type(service["payload"])
@@ -112,6 +142,15 @@ class Wire:
 
     def event(self, builder, _service):
         return builder.event()
+
+
+def in_words(types):
+    """Names, bytes and alignments of types, after the protocol's version in their names."""
+    types = list(types)
+    versions = {match[1] if (match := re.match(r"pcc\.v(\d+)\.", name)) else None for name, *_ in types}
+    version = versions.pop() if len(versions) == 1 else None
+    protocol = f"protocol version {version}" if version else "another protocol"
+    return f"{protocol}: " + ", ".join(f"{name} ({size} bytes, alignment {alignment})" for name, size, alignment in types)
 
 
 def default_root():
@@ -128,24 +167,6 @@ def take_role(wire, role):
     lock.write(f"{os.getpid()}\n")
     lock.flush()
     return lock
-
-
-def hermite(knots, time_s):
-    """Position and velocity of a motion at a time: quintic Hermite between its knots [s, rad, rad/s, rad/s²]."""
-    index = next((i for i in range(1, len(knots) - 1) if knots[i].time_s > time_s), len(knots) - 1)
-    a, b = knots[index - 1], knots[index]
-    span = b.time_s - a.time_s
-    u = (time_s - a.time_s) / span
-    weights = (
-        (1 - u) ** 3 * (1 + 3 * u + 6 * u * u), span * u * (1 - u) ** 3 * (1 + 3 * u), span**2 * u * u * (1 - u) ** 3 / 2,
-        u**3 * (10 - 15 * u + 6 * u * u), span * u**3 * (u - 1) * (4 - 3 * u), span**2 * u**3 * (1 - u) ** 2 / 2,
-    )  # fmt: skip
-    slopes = (
-        -30 * u * u * (1 - u) ** 2 / span, (1 - u) ** 2 * (1 + 2 * u - 15 * u * u), span * u * (1 - u) ** 2 * (2 - 5 * u) / 2,
-        30 * u * u * (1 - u) ** 2 / span, u * u * (-12 + 28 * u - 15 * u * u), span * u * u * (3 - 8 * u + 5 * u * u) / 2,
-    )  # fmt: skip
-    ends = [values for knot in (a, b) for values in (knot.configuration_rad, knot.velocity_rad_s, knot.acceleration_rad_s2)]
-    return [[sum(w * values[axis] for w, values in zip(row, ends)) for axis in range(6)] for row in (weights, slopes)]
 
 
 def every(subscriber):
