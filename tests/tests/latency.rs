@@ -74,7 +74,14 @@ fn figures_are_those_of_the_stamps_in_a_closed_and_in_an_open_loop() {
             "{told_ms} for {stamped_ms}"
         );
         assert!(figures["controller_loop"]["cycles"].as_u64().unwrap() > 10);
-        assert!(figures["machine"]["processors"].as_u64().unwrap() > 0);
+        let processors = figures["machine"]["processors"].as_u64().unwrap();
+        let governors = figures["machine"]["governors"].as_array().unwrap();
+        assert!(processors > 0 && governors.len() as u64 == processors);
+        let priorities = figures["priorities"].as_array().unwrap();
+        assert_eq!(priorities.len(), 3, "{figures}");
+        for process in priorities {
+            assert!(!process["threads"].as_array().unwrap().is_empty());
+        }
     }
     let text = pcc(
         &stack.world,

@@ -6,6 +6,7 @@ mod load;
 mod loop_lateness;
 mod machine;
 mod plot;
+mod priorities;
 mod requests;
 mod summary;
 
@@ -22,6 +23,8 @@ pub(crate) use self::baselines::{ServerArguments, serve};
 use self::load::{Load, Pace};
 use self::loop_lateness::LoopLateness;
 use self::machine::Machine;
+use self::priorities::Priorities;
+use self::requests::Requests;
 use self::summary::Summary;
 use crate::number;
 use crate::output_files::{make_writable_for, write_whole};
@@ -93,9 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         requests: arguments.requests,
         warm_up: arguments.warm_up,
         pace: arguments.rate.map_or(Pace::Closed, Pace::Open),
-        seed: arguments.seed,
-        deadline_ms: arguments.deadline_ms,
-        asked: requests::draw(
+        asked: Requests::new(
             &robot,
             arguments.candidates,
             arguments.deadline_ms,
@@ -104,16 +105,18 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let (machine, lateness) = (Machine::watch(), LoopLateness::watch(&options)?);
     let replies = load.run(&options)?;
+    let priorities = Priorities::now(&options);
     let summary = Summary::of(&replies, load.pace);
     let (machine, lateness) = (machine.figures(), lateness.figures()?);
     let baselines = arguments
         .baselines
-        .map(|count| Baselines::measure(&options, &load.asked[0], count));
+        .map(|count| Baselines::measure(&options, &load.asked.request(0), count));
     let baselines = baselines.transpose()?;
     say!("{}", load.text());
     summary.show();
     lateness.show();
     machine.show();
+    priorities.show();
     baselines.iter().for_each(Baselines::show);
     if let Some(before) = &before {
         compare::show(before, &load.json(), &summary);
@@ -123,6 +126,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         "plans": summary.json(),
         "controller_loop": lateness.json(),
         "machine": machine.json(),
+        "priorities": priorities.json(),
         "baselines": baselines.as_ref().map(Baselines::json),
     });
     if let Some(file) = &arguments.json {

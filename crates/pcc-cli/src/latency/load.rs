@@ -14,6 +14,8 @@ use shared_types::codes::Outcome;
 use shared_types::ipc::IpcOptions;
 use shared_types::valid::PlanRequest;
 
+use super::requests::Requests;
+
 /// How long an answer may be in coming.
 const PATIENCE: Duration = Duration::from_secs(70);
 /// Before a request is to be sent its thread stops sleeping: sleeps end late.
@@ -40,10 +42,8 @@ pub(super) struct Load {
     /// Of each client, before those that count.
     pub(super) warm_up: u64,
     pub(super) pace: Pace,
-    pub(super) seed: u64,
-    pub(super) deadline_ms: u64,
-    /// Asked for one after the other, again and again.
-    pub(super) asked: Vec<PlanRequest>,
+    /// What is asked for, in the order of its numbers.
+    pub(super) asked: Requests,
 }
 
 /// What became of a request.
@@ -120,16 +120,18 @@ impl Load {
         Ok(replies.split_off(warm_up))
     }
 
-    fn request(&self, client: usize, index: u64) -> &PlanRequest {
-        &self.asked[(client + index as usize * self.clients) % self.asked.len()]
+    fn request(&self, client: usize, index: u64) -> PlanRequest {
+        self.asked
+            .request(client as u64 + index * self.clients as u64)
     }
 
     /// Ends at the first request whose daemon is gone or does not answer.
     fn closed(&self, client: usize, connection: &mut Client, count: u64) -> Vec<Reply> {
         let mut replies = Vec::with_capacity(count as usize);
         for index in 0..count {
+            let request = self.request(client, index);
             let sent_ns = mono_now_ns();
-            let answer = connection.plan(self.request(client, index), PATIENCE);
+            let answer = connection.plan(&request, PATIENCE);
             let is_over = answer.is_err();
             replies.push(Reply::of(sent_ns, sent_ns, &answer));
             if is_over {
@@ -151,10 +153,11 @@ impl Load {
         let mut replies = Vec::with_capacity(count as usize);
         let mut under_way: Vec<(i64, i64, Pending)> = Vec::new();
         let (mut next, mut is_full) = (0, false);
+        let mut request = self.request(client, next);
         while replies.len() < count as usize {
             let sent_ns = mono_now_ns();
             if next < count && sent_ns >= due_ns(next) && !is_full {
-                match connection.submit(self.request(client, next)) {
+                match connection.submit(&request) {
                     Ok(pending) => under_way.push((due_ns(next), sent_ns, pending)),
                     Err(ClientError::TooManyRequests) if !under_way.is_empty() => {
                         is_full = true;
@@ -166,6 +169,7 @@ impl Load {
                     }
                 }
                 next += 1;
+                request = self.request(client, next);
             }
             let before = replies.len();
             for (due, sent, mut pending) in std::mem::take(&mut under_way) {
@@ -196,7 +200,7 @@ impl Load {
             Pace::Closed => "closed loop".to_owned(),
             Pace::Open(rate) => format!("open loop, {rate} requests/s"),
         };
-        let candidates = self.asked[0].candidate_count;
+        let candidates = self.asked.candidates;
         format!(
             "{loops}, {} clients, {} requests of {candidates} candidates",
             self.clients, self.requests
@@ -213,9 +217,9 @@ impl Load {
             "requests": self.requests,
             "warm_up_each": self.warm_up,
             "requests_per_second": rate,
-            "candidates": self.asked[0].candidate_count,
-            "deadline_ms": self.deadline_ms,
-            "seed": self.seed,
+            "candidates": self.asked.candidates,
+            "deadline_ms": self.asked.deadline_ms,
+            "seed": self.asked.seed,
         })
     }
 }

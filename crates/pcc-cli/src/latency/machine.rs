@@ -15,7 +15,8 @@ pub(super) struct Machine {
 pub(super) struct Figures {
     processors: usize,
     stolen_share: Option<f64>,
-    governor: String,
+    /// Of each processor, in their order.
+    governors: Vec<String>,
     isolated: String,
     kernel: String,
 }
@@ -35,7 +36,7 @@ impl Machine {
         Figures {
             processors,
             stolen_share: stolen.map(|stolen_s| stolen_s / whole_s),
-            governor: text("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
+            governors: (0..processors).map(governor).collect(),
             isolated: text("/sys/devices/system/cpu/isolated"),
             kernel: text("/proc/sys/kernel/osrelease"),
         }
@@ -47,6 +48,25 @@ fn processors() -> usize {
     let stat = fs::read_to_string("/proc/stat").unwrap_or_default();
     let of_one = |line: &&str| line.starts_with("cpu") && !line.starts_with("cpu ");
     stat.lines().filter(of_one).count().max(1)
+}
+
+/// The governor of a processor's frequency.
+fn governor(processor: usize) -> String {
+    text(&format!(
+        "/sys/devices/system/cpu/cpu{processor}/cpufreq/scaling_governor"
+    ))
+}
+
+/// The governor where all processors have the same one, else that of each.
+fn in_words(governors: &[String]) -> String {
+    match governors {
+        [first, rest @ ..] if rest.iter().all(|it| it == first) => first.clone(),
+        governors => {
+            let of_one = governors.iter().enumerate();
+            let of_one = of_one.map(|(processor, name)| format!("{name} of processor {processor}"));
+            of_one.collect::<Vec<_>>().join(", ")
+        }
+    }
 }
 
 /// A line of the system's; `none` where it does not say.
@@ -79,7 +99,7 @@ impl Figures {
         say!(
             "machine: {} processors, {stolen} of their time taken by the host; governor {}, isolated processors {}, Linux {}",
             self.processors,
-            self.governor,
+            in_words(&self.governors),
             self.isolated,
             self.kernel
         );
@@ -89,9 +109,29 @@ impl Figures {
         json!({
             "processors": self.processors,
             "stolen_share": self.stolen_share,
-            "governor": self.governor,
+            "governors": self.governors,
             "isolated_processors": self.isolated,
             "kernel": self.kernel,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn governors_are_told_one_by_one_where_they_differ() {
+        let all = |names: &[&str]| {
+            names
+                .iter()
+                .map(|name| (*name).to_owned())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(in_words(&all(&["performance"; 2])), "performance");
+        assert_eq!(
+            in_words(&all(&["performance", "powersave"])),
+            "performance of processor 0, powersave of processor 1"
+        );
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use pcc_model::{Backbone, Configuration};
+use pcc_model::{Backbone, Configuration, SECTIONS};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use shared_types::capacity::DOF;
@@ -14,8 +14,6 @@ use shared_types::ipc::{
 use shared_types::message::RobotDescription;
 use shared_types::valid::{Goal, PlanRequest};
 
-/// Different requests.
-const COUNT: usize = 64;
 /// Share of the bending limit up to which the sections of a tip's configuration are bent.
 const BENT: f64 = 0.9;
 /// How long the daemon may take to describe its robot.
@@ -42,25 +40,71 @@ pub(super) fn robot(options: &IpcOptions) -> anyhow::Result<RobotDescription> {
     }
 }
 
-/// Requests to random tips, the same for the same robot and seed.
-pub(super) fn draw(
-    robot: &RobotDescription,
-    candidates: usize,
-    deadline_ms: u64,
-    seed: u64,
-) -> Vec<PlanRequest> {
-    let mut random = Pcg64::seed_from_u64(seed);
-    let limit = BENT * robot.bending_limit_rad / 2.0_f64.sqrt();
-    let request = |index: usize| {
+/// Requests to random tips, each drawn when it is asked for: the same for the same robot, seed and number.
+pub(super) struct Requests {
+    section_lengths_m: [f64; SECTIONS],
+    /// Bound on each bending component, rad.
+    bent_rad: f64,
+    pub(super) candidates: usize,
+    pub(super) deadline_ms: u64,
+    pub(super) seed: u64,
+}
+
+impl Requests {
+    pub(super) fn new(
+        robot: &RobotDescription,
+        candidates: usize,
+        deadline_ms: u64,
+        seed: u64,
+    ) -> Self {
+        Self {
+            section_lengths_m: robot.section_lengths_m,
+            bent_rad: BENT * robot.bending_limit_rad / 2.0_f64.sqrt(),
+            candidates,
+            deadline_ms,
+            seed,
+        }
+    }
+
+    /// The request of a number, counted from 0.
+    pub(super) fn request(&self, index: u64) -> PlanRequest {
+        let mut random = Pcg64::seed_from_u64(self.seed);
+        // A bending component takes one number of the generator.
+        random.advance(u128::from(index) * DOF as u128);
+        let limit = self.bent_rad;
         let bent = Configuration::from_fn(|_, _| random.random_range(-limit..limit));
-        let tip = Backbone::tip_of(&robot.section_lengths_m, &bent);
+        let tip = Backbone::tip_of(&self.section_lengths_m, &bent);
         PlanRequest {
-            candidate_count: candidates,
-            deadline: Some(Duration::from_millis(deadline_ms)),
+            candidate_count: self.candidates,
+            deadline: Some(Duration::from_millis(self.deadline_ms)),
             ignores_live_scene: true,
-            seed: seed.wrapping_add(index as u64),
+            seed: self.seed.wrapping_add(index),
             ..PlanRequest::new([0.0; DOF], Goal::tip(tip.into()))
         }
-    };
-    (0..COUNT).map(request).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn requests(seed: u64) -> Requests {
+        let robot = RobotDescription {
+            section_lengths_m: [1.0; SECTIONS],
+            bending_limit_rad: 1.5,
+            ..RobotDescription::ZEROED
+        };
+        Requests::new(&robot, 10, 1_000, seed)
+    }
+
+    #[test]
+    fn requests_of_other_numbers_are_others_and_of_the_same_number_and_seed_the_same() {
+        let all = requests(3);
+        let tips: Vec<Goal> = (0..2_000).map(|index| all.request(index).goal).collect();
+        for (index, tip) in tips.iter().enumerate() {
+            assert!(!tips[..index].contains(tip), "request {index}");
+        }
+        assert_eq!(requests(3).request(7_000), all.request(7_000));
+        assert_ne!(requests(4).request(7_000).goal, all.request(7_000).goal);
+    }
 }
