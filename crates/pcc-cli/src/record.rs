@@ -18,7 +18,7 @@ use shared_types::ipc::{self, IpcError, IpcNode, IpcOptions, Subscriber, Topic};
 use shared_types::message::{Cycle, MotionResult, Payload, PlanRecord, RobotState};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-pub(crate) use self::file::ENCODING;
+pub(crate) use self::file::{COUNTS, ENCODING};
 use self::file::{McapFile, RealTime};
 use self::picture::Picture;
 use crate::number::real;

@@ -1,5 +1,6 @@
 //! `pcc replay`: asks a daemon again what a record says it was asked, and checks recorded motions against a robot file.
 
+mod completeness;
 mod goals;
 mod motions;
 mod plans;
@@ -29,6 +30,12 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(error) = &recording.cut_off {
         say!("the file ends early ({error}); what comes before is replayed");
     }
+    if !recording.completeness.is_ended() {
+        say!(
+            "the recorder has not come to its end: whether messages are missing after the last one is not known"
+        );
+    }
+    recording.completeness.check()?;
     match &arguments.robot {
         Some(file) => motions::check(&recording, &Robot::from_file(file)?),
         None => {

@@ -17,6 +17,10 @@ use shared_types::message::{LAYOUTS, Layout};
 /// How our messages are encoded, and how their layouts are described: as in `shared-types/wire.json`.
 pub(crate) const ENCODING: &str = "pcc-wire";
 const SCHEMA_ENCODING: &str = "pcc-wire-json";
+/// Topic of a record's last message: how many messages each topic has, a JSON object.
+pub(crate) const COUNTS: &str = "/message_counts";
+const COUNTS_SCHEMA: &str =
+    r#"{"type": "object", "additionalProperties": {"type": "integer", "minimum": 0}}"#;
 
 /// An instant as MCAP has it: nanoseconds since 1970.
 #[derive(Clone, Copy)]
@@ -52,8 +56,8 @@ pub(super) struct Channel(u16);
 /// A file under way; what was flushed can be read whatever becomes of the recorder.
 pub(super) struct McapFile {
     writer: Writer<BufWriter<File>>,
-    /// Messages of each channel so far.
-    counts: BTreeMap<u16, u32>,
+    /// Topic and messages so far of each channel.
+    channels: BTreeMap<u16, (String, u32)>,
 }
 
 impl McapFile {
@@ -67,7 +71,7 @@ impl McapFile {
             .library(library);
         Ok(Self {
             writer: options.create(BufWriter::new(file))?,
-            counts: BTreeMap::new(),
+            channels: BTreeMap::new(),
         })
     }
 
@@ -77,10 +81,7 @@ impl McapFile {
         let schema = self
             .writer
             .add_schema(layout.type_name, SCHEMA_ENCODING, &schema)?;
-        let channel = self
-            .writer
-            .add_channel(schema, topic, ENCODING, &BTreeMap::new())?;
-        Ok(Channel(channel))
+        self.add_channel(schema, topic, ENCODING)
     }
 
     /// A channel of Foxglove's messages.
@@ -89,10 +90,14 @@ impl McapFile {
         let schema = self
             .writer
             .add_schema(&schema.name, &schema.encoding, &schema.data)?;
-        let encoding = T::get_message_encoding();
+        self.add_channel(schema, topic, &T::get_message_encoding())
+    }
+
+    fn add_channel(&mut self, schema: u16, topic: &str, encoding: &str) -> anyhow::Result<Channel> {
         let channel = self
             .writer
-            .add_channel(schema, topic, &encoding, &BTreeMap::new())?;
+            .add_channel(schema, topic, encoding, &BTreeMap::new())?;
+        self.channels.insert(channel, (topic.to_owned(), 0));
         Ok(Channel(channel))
     }
 
@@ -102,14 +107,14 @@ impl McapFile {
         RealTime(log_time): RealTime,
         bytes: &[u8],
     ) -> anyhow::Result<()> {
-        let sequence = self.counts.entry(channel_id).or_default();
+        let (_, count) = self.channels.get_mut(&channel_id).context("no channel")?;
         let header = MessageHeader {
             channel_id,
-            sequence: *sequence,
+            sequence: *count,
             log_time,
             publish_time: log_time,
         };
-        *sequence = sequence.wrapping_add(1);
+        *count = count.wrapping_add(1);
         Ok(self.writer.write_to_known_channel(&header, bytes)?)
     }
 
@@ -117,7 +122,15 @@ impl McapFile {
         Ok(self.writer.flush()?)
     }
 
+    /// Writes how many messages there are, so that a reader knows whether it has all, and ends the file.
     pub(super) fn finish(&mut self) -> anyhow::Result<()> {
+        let counts: BTreeMap<_, _> = self.channels.values().cloned().collect();
+        let schema = COUNTS_SCHEMA.as_bytes();
+        let schema = self
+            .writer
+            .add_schema("pcc.MessageCounts", "jsonschema", schema)?;
+        let channel = self.add_channel(schema, COUNTS, "json")?;
+        self.write(channel, RealTime::now(), &serde_json::to_vec(&counts)?)?;
         self.writer.finish()?;
         Ok(())
     }

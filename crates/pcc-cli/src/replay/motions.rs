@@ -26,6 +26,7 @@ pub(super) fn check(recording: &Recording, robot: &Robot) -> anyhow::Result<()> 
             robot.hash()
         );
     }
+    check_whole(&recording.cycles)?;
     let mut largest_use = 0.0_f64;
     let mut largest_bending_rad = 0.0_f64;
     for message in &recording.trajectories {
@@ -65,6 +66,20 @@ pub(super) fn check(recording: &Recording, robot: &Robot) -> anyhow::Result<()> 
     Ok(())
 }
 
+/// Checks that no cycle was lost: their numbers rise by one; where they do not rise another controller has begun.
+fn check_whole(cycles: &[Cycle]) -> anyhow::Result<()> {
+    for pair in cycles.windows(2) {
+        let [before, after] = [pair[0].sequence, pair[1].sequence];
+        ensure!(
+            after <= before + 1,
+            "cycles {} to {} are missing: what was lost cannot be checked",
+            before + 1,
+            after - 1
+        );
+    }
+    Ok(())
+}
+
 /// The motion of a message.
 ///
 /// # Errors
@@ -93,4 +108,23 @@ fn off_m(cycle: &Cycle, robot: &Robot) -> f64 {
     robot.tendons.lengths(&commanded, &mut lengths_m[..count]);
     let pairs = lengths_m.iter().zip(cycle.setpoint_m).take(count);
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cycle_that_is_missing_is_named_and_another_controller_counts_anew() {
+        let cycles = |numbers: &[u64]| -> Vec<Cycle> {
+            let cycle = |sequence: &u64| Cycle {
+                sequence: *sequence,
+                ..Cycle::ZEROED
+            };
+            numbers.iter().map(cycle).collect()
+        };
+        check_whole(&cycles(&[5, 6, 7, 1, 2])).unwrap();
+        let error = check_whole(&cycles(&[5, 6, 9])).unwrap_err();
+        assert!(error.to_string().contains("cycles 7 to 8"), "{error}");
+    }
 }

@@ -11,7 +11,8 @@ use shared_types::message::{
     TrajectoryMessage,
 };
 
-use crate::record::ENCODING;
+use super::completeness::Completeness;
+use crate::record::{COUNTS, ENCODING};
 
 /// What is replayed, or shown, of a record.
 #[derive(Default)]
@@ -23,6 +24,8 @@ pub(crate) struct Recording {
     pub(crate) scenes: Vec<SceneMessage>,
     pub(crate) goals: Vec<StandingGoal>,
     pub(crate) goal_statuses: Vec<GoalStatus>,
+    /// Whether all messages are there that the recorder wrote.
+    pub(super) completeness: Completeness,
     /// Why the file ends before its end, if it does.
     pub(crate) cut_off: Option<String>,
 }
@@ -42,6 +45,14 @@ impl Recording {
                     break;
                 }
             };
+            let topic = message.channel.topic.as_str();
+            if topic == COUNTS {
+                let counts = serde_json::from_slice(&message.data);
+                let counts = counts.with_context(|| format!("{COUNTS} is not understood"))?;
+                recording.completeness.end(&counts);
+                continue;
+            }
+            recording.completeness.read(topic, message.sequence);
             if message.channel.message_encoding != ENCODING {
                 continue;
             }
@@ -50,7 +61,7 @@ impl Recording {
                 .schema
                 .as_ref()
                 .map(|schema| schema.name.as_str());
-            match (message.channel.topic.as_str(), of) {
+            match (topic, of) {
                 ("plan_record", of) => recording.plans.push(read(&message.data, of)?),
                 ("robot_description", of) => recording.robots.push(read(&message.data, of)?),
                 ("trajectory", of) => recording.trajectories.push(read(&message.data, of)?),

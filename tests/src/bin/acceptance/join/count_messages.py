@@ -1,4 +1,4 @@
-"""Counts the messages of each topic of an MCAP file, which may end early: count_messages.py FILE."""
+"""Counts the messages of each topic of an MCAP file: count_messages.py FILE [--may-end-early]."""
 
 import collections
 import sys
@@ -16,6 +16,7 @@ with open(sys.argv[1], "rb") as file:
             elif isinstance(record, Message):
                 counts[topics[record.channel_id]] += 1
     except EndOfFile:
-        pass
+        if "--may-end-early" not in sys.argv:
+            raise
 for topic, count in counts.items():
     print(topic, count)

@@ -27,6 +27,8 @@ use crate::scale::Scale;
 const KEPT_TIP_M: [f64; 3] = [1.0, -0.6, 2.2];
 /// How long a program may take to record or to replay.
 const LIMIT: Duration = Duration::from_secs(600);
+/// Plans that are recorded before the recorder is killed.
+const KILLED: usize = 50;
 /// Time in which a recorder has written what came before.
 const WRITTEN: Duration = Duration::from_millis(600);
 
@@ -44,19 +46,37 @@ fn records(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     replayed(report, &stack, &whole, requests.parse()?)?;
     dropped(report, &stack, &whole)?;
     let killed = killed(report, &mut stack)?;
-    for (name, file) in [("whole", &whole), ("of a killed recorder", &killed)] {
-        let counts = counted_by_another_reader(file)?;
-        let plans = counts.get("plan_record").copied().unwrap_or_default();
-        let line = format!(
-            "records: a file {name}, as the MCAP reader of another project reads it: plans"
-        );
-        report.check(
-            &line,
-            format!("{plans} of {counts:?}"),
-            "> 0",
-            plans > 0 && counts.contains_key("/picture"),
-        );
-    }
+    // The motion's plan, and at least one to the goal that stays.
+    let least = requests.parse::<usize>()? + 2;
+    by_another_reader(report, "whole", &whole, least, usize::MAX)?;
+    by_another_reader(report, "of a killed recorder", &killed, KILLED, KILLED)
+}
+
+/// Plans of a file by the MCAP reader of another project; it may end early where its recorder was killed.
+fn by_another_reader(
+    report: &mut Report,
+    name: &str,
+    file: &Path,
+    least: usize,
+    most: usize,
+) -> anyhow::Result<()> {
+    let is_whole = least != most;
+    let counts = counted_by_another_reader(file, is_whole)?;
+    let plans = counts.get("plan_record").copied().unwrap_or_default();
+    let bar = match is_whole {
+        true => format!(">= {least}, cycles, pictures, and the counts at the end"),
+        false => format!("{least}, cycles and pictures"),
+    };
+    let has = |topic: &str| counts.contains_key(topic);
+    report.check(
+        &format!("records: a file {name}, as the MCAP reader of another project reads it: plans"),
+        format!("{plans} of {counts:?}"),
+        &bar,
+        (least..=most).contains(&plans)
+            && has("/picture")
+            && has("cycle")
+            && has("/message_counts") == is_whole,
+    );
     Ok(())
 }
 
@@ -147,15 +167,26 @@ fn replayed(report: &mut Report, stack: &Stack, whole: &Path, all: usize) -> any
 /// A record without one of its messages is not replayed.
 fn dropped(report: &mut Report, stack: &Stack, whole: &Path) -> anyhow::Result<()> {
     let dropped = stack.world.folder().join("dropped.mcap");
-    without_one_plan(whole, &dropped)?;
-    let told = replay(stack, &dropped, &[])?;
-    let is_named = !told.succeeded && told.text.contains("missing");
-    report.check(
-        "records: a record with one message dropped",
-        last_line(&told.text),
-        "refused by name",
-        is_named,
-    );
+    let robot_file = stack.world.config("robots/unit.toml").display().to_string();
+    let robot = ["--robot", &robot_file];
+    let cases: [(Place, &str, &[&str]); 5] = [
+        (Place::First, "plan_record", &[]),
+        (Place::Middle, "plan_record", &[]),
+        (Place::Last, "plan_record", &[]),
+        (Place::Middle, "cycle", &robot),
+        (Place::Last, "trajectory", &robot),
+    ];
+    for (place, topic, arguments) in cases {
+        without_one(whole, &dropped, topic, place)?;
+        let told = replay(stack, &dropped, arguments)?;
+        let told_of = told.text.contains("missing") && told.text.contains(topic);
+        report.check(
+            &format!("records: a record without the {place:?} message of {topic}"),
+            last_line(&told.text),
+            "refused, the topic named",
+            !told.succeeded && told_of,
+        );
+    }
     Ok(())
 }
 
@@ -168,7 +199,7 @@ fn killed(report: &mut Report, stack: &mut Stack) -> anyhow::Result<PathBuf> {
         ignores_live_scene: true,
         ..PlanRequest::new([0.0; 6], Goal::tip(TIP_M))
     };
-    for _ in 0..50 {
+    for _ in 0..KILLED {
         stack.client.plan(&request, PATIENCE)?;
     }
     std::thread::sleep(WRITTEN);
@@ -177,8 +208,8 @@ fn killed(report: &mut Report, stack: &mut Stack) -> anyhow::Result<PathBuf> {
     report.check(
         "records: plans of a recorder that was killed",
         told.text.replace('\n', "; "),
-        "50 the same",
-        told.succeeded && told.first_number() == 50,
+        &format!("{KILLED} the same"),
+        told.succeeded && told.first_number() == KILLED,
     );
     Ok(killed)
 }
@@ -223,18 +254,31 @@ fn last_line(text: &str) -> String {
     text.lines().last().unwrap_or_default().to_owned()
 }
 
-/// A copy of a file without the plan in the middle.
-fn without_one_plan(from: &Path, to: &Path) -> anyhow::Result<()> {
+/// Which of a topic's messages.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    First,
+    Middle,
+    Last,
+}
+
+/// A copy of a file without one message of a topic.
+fn without_one(from: &Path, to: &Path, topic: &str, place: Place) -> anyhow::Result<()> {
     let bytes = fs::read(from)?;
-    let is_plan = |message: &mcap::Message| message.channel.topic == "plan_record";
     let messages: Result<Vec<_>, _> = MessageStream::new(&bytes)?.collect();
     let messages = messages?;
-    let plans = messages.iter().filter(|it| is_plan(it)).count();
+    let of_topic: Vec<usize> = (0..messages.len())
+        .filter(|&index| messages[index].channel.topic == topic)
+        .collect();
+    let dropped = match place {
+        Place::First => of_topic.first(),
+        Place::Middle => of_topic.get(of_topic.len() / 2),
+        Place::Last => of_topic.last(),
+    };
+    let dropped = *dropped.with_context(|| format!("no {topic} was recorded"))?;
     let mut writer = Writer::new(BufWriter::new(File::create(to)?))?;
-    let mut seen = 0;
-    for message in &messages {
-        seen += usize::from(is_plan(message));
-        if !is_plan(message) || seen != plans / 2 {
+    for (index, message) in messages.iter().enumerate() {
+        if index != dropped {
             writer.write(message)?;
         }
     }
@@ -242,13 +286,21 @@ fn without_one_plan(from: &Path, to: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Messages by topic, as the reader of the package `mcap` of PyPI has them.
-fn counted_by_another_reader(file: &Path) -> anyhow::Result<BTreeMap<String, usize>> {
+/// Messages by topic, as the reader of the package `mcap` of PyPI has them; a file that is not whole may end early.
+fn counted_by_another_reader(
+    file: &Path,
+    is_whole: bool,
+) -> anyhow::Result<BTreeMap<String, usize>> {
     let python: PathBuf = environment("venv-mcap", "mcap", |pip| {
         pip.args(["mcap>=1.2,<2"]);
     })?;
     let script = repository().join("tests/src/bin/acceptance/join/count_messages.py");
-    let done = Command::new(python).arg(script).arg(file).output()?;
+    let mut counting = Command::new(python);
+    counting.arg(script).arg(file);
+    if !is_whole {
+        counting.arg("--may-end-early");
+    }
+    let done = counting.output()?;
     ensure!(
         done.status.success(),
         "{}",
