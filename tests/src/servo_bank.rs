@@ -6,9 +6,11 @@
 mod protocol;
 mod servo;
 
+use std::collections::VecDeque;
 use std::fs::{self, File, OpenOptions};
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -19,6 +21,7 @@ use realtime::{reduce_wakeup_latency, use_fifo_priority};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use tempfile::TempDir;
 use toml::{Table, Value};
 
 use crate::brute_force::Body;
@@ -37,6 +40,10 @@ const RATE_HZ: i64 = 250;
 const LAG_MS: f64 = 15.3;
 /// Step of the motors' motion.
 const STEP: Duration = Duration::from_micros(500);
+/// The line's link in the bank's folder.
+const LINE: &str = "line";
+/// The longest that the bank waits for bytes before it looks whether it has ended or is unplugged.
+const LONGEST_WAIT: Duration = Duration::from_millis(20);
 /// Bits on the line for each byte.
 const BITS_OF_A_BYTE: u32 = 10;
 
@@ -47,7 +54,11 @@ pub struct Faults {
     pub drop_one_in: u32,
     /// One in so many status packets has a wrong checksum; 0: none.
     pub damage_one_in: u32,
-    /// How much later than they should status packets are sent.
+    /// One in so many instruction packets, goals and requests for states, is not heard; 0: none.
+    pub unheard_one_in: u32,
+    /// One in so many instruction packets comes with a wrong checksum; 0: none.
+    pub garbled_one_in: u32,
+    /// How much later than they should status packets are sent, while the line goes on.
     pub late: Duration,
     /// The servo that is in error (its hardware error status), counted from 0.
     pub in_error: Option<(usize, u8)>,
@@ -57,7 +68,9 @@ pub struct Faults {
     pub loose: Option<usize>,
     /// The servo that has no power.
     pub unpowered: Option<usize>,
-    /// Whether the line is unplugged: nothing comes, and nothing is heard.
+    /// Whether no servo hears anything, or answers.
+    pub silent: bool,
+    /// Whether the line's adapter is unplugged: what has it open can neither read nor write any more, and it must be opened anew afterwards.
     pub unplugged: bool,
 }
 
@@ -68,44 +81,68 @@ struct Bank {
     baud: u32,
     /// Status packets that were sent, by which single ones are dropped or damaged.
     sent: u32,
+    /// Instruction packets that came, by which single ones are lost or damaged.
+    heard: u32,
 }
 
 /// A bank of servos that answers on a pseudo-terminal until it is dropped.
 pub struct ServoBank {
-    device: PathBuf,
+    /// Holds the link by which the line is opened, the same however often it is plugged in.
+    folder: TempDir,
     bank: Arc<Mutex<Bank>>,
     ended: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
+}
+
+/// The bank's end of a line that is plugged in.
+struct Plugged {
+    terminal: File,
     // Held open, so that the line outlives a driver that closes it.
     _line: File,
 }
+
+impl Plugged {
+    /// Plugs the line in, to be opened by this link.
+    fn in_at(link: &Path) -> Self {
+        let (terminal, device) = open_terminal();
+        let _ = fs::remove_file(link);
+        symlink(&device, link).unwrap();
+        let mut options = OpenOptions::new();
+        let line = options.read(true).write(true).open(&device).unwrap();
+        Self {
+            terminal,
+            _line: line,
+        }
+    }
+}
+
+/// Status packets that are sent later.
+type Late = VecDeque<(Instant, Vec<u8>)>;
 
 impl ServoBank {
     /// Servos that wind the tendons of a body, on a line of this speed (bit/s) onto spools of this radius (m); each tendon of the straight robot
     /// is slack by so much, m.
     #[must_use]
     pub fn start(body: &Body, spool_radius_m: f64, baud: u32, slack_m: [f64; SERVOS]) -> Self {
-        let (terminal, device) = open_terminal();
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join(LINE);
+        let plugged = Plugged::in_at(&link);
         let bank = Bank {
             servos: std::array::from_fn(|k| Servo::new(IDS[k], spool_radius_m, slack_m[k])),
             faults: Faults::default(),
             baud,
             sent: 0,
+            heard: 0,
         };
         let bank = Arc::new(Mutex::new(bank));
         let ended = Arc::<AtomicBool>::default();
-        let line = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .open(&device)
-            .unwrap();
         let answering = {
             let (bank, ended) = (Arc::clone(&bank), Arc::clone(&ended));
             std::thread::spawn(move || {
                 // Servos wait for nobody, and packets take some 50 µs.
                 let _ = use_fifo_priority(PRIORITY);
                 let _ = reduce_wakeup_latency();
-                answer(terminal, &bank, &ended);
+                answer(plugged, &link, &bank, &ended);
             })
         };
         let turning = {
@@ -116,11 +153,10 @@ impl ServoBank {
             })
         };
         Self {
-            device,
+            folder,
             bank,
             ended,
             threads: vec![answering, turning],
-            _line: line,
         }
     }
 
@@ -130,9 +166,10 @@ impl ServoBank {
     /// Where the file cannot be written.
     pub fn write_config(&self, file: &Path, robot_file: &Path) {
         let ids = IDS.map(|id| Value::from(i64::from(id)));
+        let device = self.folder.path().join(LINE);
         let config = Table::from_iter([
             ("robot".to_owned(), robot_file.to_str().unwrap().into()),
-            ("device".to_owned(), self.device.to_str().unwrap().into()),
+            ("device".to_owned(), device.to_str().unwrap().into()),
             ("servo_ids".to_owned(), ids.to_vec().into()),
             ("directions".to_owned(), vec![Value::from(1); SERVOS].into()),
             ("baud".to_owned(), i64::from(lock(&self.bank).baud).into()),
@@ -196,41 +233,74 @@ fn open_terminal() -> (File, PathBuf) {
     (terminal.into(), PathBuf::from(name.to_str().unwrap()))
 }
 
-/// Answers what comes on the line.
-fn answer(mut terminal: File, bank: &Mutex<Bank>, ended: &AtomicBool) {
-    let mut line = Line::default();
+/// Answers what comes on the line, while it is plugged in.
+fn answer(plugged: Plugged, link: &Path, bank: &Mutex<Bank>, ended: &AtomicBool) {
+    let (mut plugged, mut line, mut late) = (Some(plugged), Line::default(), Late::new());
     let mut bytes = [0; 256];
     while !ended.load(Ordering::Relaxed) {
+        let is_unplugged = lock(bank).faults.unplugged;
+        if is_unplugged {
+            plugged = None;
+            (line, late) = (Line::default(), Late::new());
+            sleep(LONGEST_WAIT);
+            continue;
+        }
+        let Plugged { terminal, .. } = plugged.get_or_insert_with(|| Plugged::in_at(link));
+        send_what_is_due(terminal, &mut late);
         match terminal.read(&mut bytes) {
             Ok(count) => line.receive(&bytes[..count]),
-            Err(error) if error.kind() == ErrorKind::WouldBlock => wait_for_bytes(&terminal),
+            Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                let due = late.front().map(|(due, _)| *due);
+                wait_for_bytes(terminal, due);
+            }
             Err(_) => sleep(Duration::from_millis(1)),
         }
-        while let Some((instruction, length)) = line.next_instruction() {
-            carry_out(&mut terminal, bank, &instruction, length);
+        while let Some(packet) = line.next_packet() {
+            let length = packet.len();
+            let heard = lock(bank).hear(packet);
+            if let Some(instruction) = heard {
+                carry_out(terminal, bank, &instruction, length, &mut late);
+            }
         }
     }
 }
 
-/// Waits until bytes come, for a moment at most.
-fn wait_for_bytes(terminal: &File) {
+fn send_what_is_due(terminal: &mut File, late: &mut Late) {
+    while let Some((due, burst)) = late.front() {
+        if *due > Instant::now() {
+            return;
+        }
+        // A driver that has closed the line hears nothing.
+        let _ = terminal.write_all(burst);
+        late.pop_front();
+    }
+}
+
+/// Waits until bytes come or something is due, for a moment at most.
+fn wait_for_bytes(terminal: &File, due: Option<Instant>) {
     let mut files = [PollFd::new(terminal, PollFlags::IN)];
-    let moment = Timespec {
-        tv_sec: 0,
-        tv_nsec: 20_000_000,
-    };
+    let left = due.map(|due| due.saturating_duration_since(Instant::now()));
+    let moment = left.unwrap_or(LONGEST_WAIT).min(LONGEST_WAIT);
+    let moment = Timespec::try_from(moment).expect("a moment is short");
     let _ = poll(&mut files, Some(&moment));
 }
 
 /// Has the servos do what they are told, once its bytes have come, and sends their answers together once the last one's bytes have gone.
-fn carry_out(terminal: &mut File, bank: &Mutex<Bank>, instruction: &Instruction, length: usize) {
+fn carry_out(
+    terminal: &mut File,
+    bank: &Mutex<Bank>,
+    instruction: &Instruction,
+    length: usize,
+    late: &mut Late,
+) {
     let mut at = Instant::now();
-    let (mut burst, late) = (Vec::new(), {
+    let later = {
         let bank = lock(bank);
         at += bank.time_of(length);
         bank.faults.late
-    });
+    };
     sleep(at.saturating_duration_since(Instant::now()));
+    let mut burst = Vec::new();
     for index in 0..SERVOS {
         let mut bank = lock(bank);
         if let Some(Answer { packet, delay }) = bank.answer_of(index, instruction) {
@@ -238,7 +308,11 @@ fn carry_out(terminal: &mut File, bank: &Mutex<Bank>, instruction: &Instruction,
             burst.extend_from_slice(&packet);
         }
     }
-    sleep((at + late).saturating_duration_since(Instant::now()));
+    if later > Duration::ZERO {
+        late.push_back((at + later, burst));
+        return;
+    }
+    sleep(at.saturating_duration_since(Instant::now()));
     // A driver that has closed the line hears nothing.
     let _ = terminal.write_all(&burst);
 }
@@ -249,9 +323,24 @@ impl Bank {
         Duration::from_secs(1) * (bytes as u32 * BITS_OF_A_BYTE) / self.baud
     }
 
+    /// The instruction of a packet, as the servos hear it; none where none of them does.
+    fn hear(&mut self, mut packet: Vec<u8>) -> Option<Instruction> {
+        self.heard = self.heard.wrapping_add(1);
+        let is_nth = |one_in: u32| one_in > 0 && self.heard.is_multiple_of(one_in);
+        if self.faults.silent || is_nth(self.faults.unheard_one_in) {
+            return None;
+        }
+        if is_nth(self.faults.garbled_one_in)
+            && let Some(last) = packet.last_mut()
+        {
+            *last ^= 0x55;
+        }
+        Instruction::of(&packet)
+    }
+
     /// What a servo sends: nothing where it has nothing to say or is not heard.
     fn answer_of(&mut self, index: usize, instruction: &Instruction) -> Option<Answer> {
-        if self.faults.unplugged || self.faults.unpowered == Some(index) {
+        if self.faults.unpowered == Some(index) {
             return None;
         }
         let mut answer = self.servos[index].obey(instruction)?;

@@ -34,8 +34,8 @@ impl Line {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// The next instruction and how many bytes it had on the line; bytes that belong to none, and packets with a wrong checksum, are left out.
-    pub(super) fn next_instruction(&mut self) -> Option<(Instruction, usize)> {
+    /// The next packet as it came on the line; bytes that belong to none are left out.
+    pub(super) fn next_packet(&mut self) -> Option<Vec<u8>> {
         loop {
             let begin = self.bytes.windows(4).position(|bytes| bytes == HEADER)?;
             self.bytes.drain(..begin);
@@ -47,16 +47,21 @@ impl Line {
             }
             let packet: Vec<u8> = self.bytes.get(..length)?.to_vec();
             self.bytes.drain(..length);
-            let (body, checksum) = packet.split_at(length - 2);
-            if checksum == checksum_of(body).to_le_bytes() {
-                let instruction = Instruction {
-                    id: body[4],
-                    code: body[7],
-                    parameters: unstuffed(&body[HEAD..]),
-                };
-                return Some((instruction, length));
-            }
+            return Some(packet);
         }
+    }
+}
+
+impl Instruction {
+    /// What a packet says; none where its checksum is wrong.
+    pub(super) fn of(packet: &[u8]) -> Option<Self> {
+        let (body, checksum) = packet.split_at_checked(packet.len().checked_sub(2)?)?;
+        let is_whole = body.len() >= HEAD && checksum == checksum_of(body).to_le_bytes();
+        is_whole.then(|| Self {
+            id: body[4],
+            code: body[7],
+            parameters: unstuffed(&body[HEAD..]),
+        })
     }
 }
 
@@ -124,14 +129,16 @@ mod tests {
         let mut line = Line::default();
         line.receive(&[0x00, 0xFF]);
         line.receive(&ping[..5]);
-        assert_eq!(line.next_instruction(), None);
+        assert_eq!(line.next_packet(), None);
         line.receive(&ping[5..]);
         let expected = Instruction {
             id: 1,
             code: PING,
             parameters: Vec::new(),
         };
-        assert_eq!(line.next_instruction(), Some((expected, 10)));
+        let packet = line.next_packet().unwrap();
+        assert_eq!(packet, ping);
+        assert_eq!(Instruction::of(&packet), Some(expected));
         let answered = [
             0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x07, 0x00, 0x55, 0x00, 0x06, 0x04, 0x26, 0x65, 0x5D,
         ];
@@ -154,7 +161,9 @@ mod tests {
         damaged[9] ^= 1;
         line.receive(&damaged);
         line.receive(&ping);
-        assert!(line.next_instruction().is_some());
-        assert!(line.next_instruction().is_none());
+        let mut heard = || line.next_packet().map(|packet| Instruction::of(&packet));
+        assert_eq!(heard(), Some(None));
+        assert!(heard().is_some_and(|instruction| instruction.is_some()));
+        assert_eq!(heard(), None);
     }
 }

@@ -8,8 +8,9 @@ use anyhow::ensure;
 use shared_types::codes::LoopFault;
 use shared_types::valid::Goal;
 use tests::servo_bank::{Faults, SERVOS};
-use tests::servo_stack::{ServoStack, home, start};
+use tests::servo_stack::{ServoStack, bank, home, start};
 use tests::stack::PATIENCE;
+use tests::world::{Settings, World};
 
 use super::examples::TIP_M;
 use crate::report::Report;
@@ -18,6 +19,10 @@ use crate::report::Report;
 const UNDER_WAY: Duration = Duration::from_millis(600);
 /// How long is looked at what the motors do.
 const LOOKED_AT: Duration = Duration::from_secs(2);
+/// Lateness of replies that come in the next cycle, of 4 ms, while the driver waits for that one's.
+const LATER_THAN_A_CYCLE: Duration = Duration::from_millis(5);
+/// Speed of a line that is too slow, bit/s.
+const SLOW_BAUD: u32 = 57_600;
 /// Status of a servo that is overloaded (e-manual, "Hardware Error Status").
 const OVERLOAD: u8 = 0x20;
 /// Time from a fault until the stop begins, s: the servos' silence (20 ms), slack that must last (0.2 s), and a cycle.
@@ -31,6 +36,8 @@ struct Case {
     begin: fn(&mut Faults),
     /// What the controller may say of it, whichever is noticed first: nothing where it is borne.
     faults: &'static [LoopFault],
+    /// What the driver warns of; nothing where it bears it or does not see it.
+    driver: Option<&'static str>,
     /// How it goes on.
     recovery: Recovery,
 }
@@ -41,58 +48,89 @@ enum Recovery {
     Borne,
     /// Once the cause is gone, by `pcc reset`.
     Reset,
+    /// By another start of the driver, once the line is plugged in again.
+    Restart,
     /// By homing and another start of the driver.
     Homing,
 }
 
-const CASES: [Case; 8] = [
+const CASES: [Case; 11] = [
     Case {
-        what: "one packet in 17 is lost",
+        what: "one reply in 17 is lost",
         begin: |faults| faults.drop_one_in = 17,
         faults: &[],
+        driver: None,
         recovery: Recovery::Borne,
     },
     Case {
-        what: "one packet in 23 has a wrong checksum",
+        what: "one reply in 23 has a wrong checksum",
         begin: |faults| faults.damage_one_in = 23,
         faults: &[],
+        driver: None,
         recovery: Recovery::Borne,
     },
     Case {
-        what: "replies are 1 ms late",
-        begin: |faults| faults.late = Duration::from_millis(1),
+        what: "one instruction in 17, goals among them, is lost",
+        begin: |faults| faults.unheard_one_in = 17,
         faults: &[],
+        driver: None,
+        recovery: Recovery::Borne,
+    },
+    Case {
+        what: "one instruction in 23, goals among them, has a wrong checksum",
+        begin: |faults| faults.garbled_one_in = 23,
+        faults: &[],
+        driver: None,
+        recovery: Recovery::Borne,
+    },
+    Case {
+        what: "replies are 5 ms late, more than a cycle",
+        begin: |faults| faults.late = LATER_THAN_A_CYCLE,
+        faults: &[],
+        driver: None,
         recovery: Recovery::Borne,
     },
     Case {
         what: "a servo is in error (overload)",
         begin: |faults| faults.in_error = Some((2, OVERLOAD)),
         faults: &[LoopFault::RobotFault],
+        driver: Some("servo 3 is in error: its hardware error status says why"),
         recovery: Recovery::Homing,
     },
     Case {
         what: "a servo loses power",
         begin: |faults| faults.unpowered = Some(4),
         faults: &[LoopFault::RobotFault, LoopFault::TrackingError],
+        driver: Some("servo 5 does not answer, or its tendon is slack"),
         recovery: Recovery::Homing,
     },
     Case {
         what: "a servo sticks",
         begin: |faults| faults.stuck = Some(0),
         faults: &[LoopFault::TrackingError],
+        driver: None,
         recovery: Recovery::Reset,
     },
     Case {
         what: "a tendon comes off",
         begin: |faults| faults.loose = Some(6),
         faults: &[LoopFault::RobotFault],
+        driver: Some("servo 7 does not answer, or its tendon is slack"),
+        recovery: Recovery::Reset,
+    },
+    Case {
+        what: "no servo hears or answers",
+        begin: |faults| faults.silent = true,
+        faults: &[LoopFault::RobotFault],
+        driver: Some("no servo answers"),
         recovery: Recovery::Reset,
     },
     Case {
         what: "the line is unplugged",
         begin: |faults| faults.unplugged = true,
         faults: &[LoopFault::RobotFault],
-        recovery: Recovery::Reset,
+        driver: Some("no servo answers"),
+        recovery: Recovery::Restart,
     },
 ];
 
@@ -103,20 +141,41 @@ pub(super) fn run(report: &mut Report) {
             case.run(report)
         });
     }
+    let command = "dynamixel-robot on a servo bank of 57,600 baud";
+    report.group("servos: a bus too slow for the loop", command, too_slow);
+}
+
+/// A line that does not carry what a cycle needs is said at the start, and nothing is driven.
+fn too_slow(report: &mut Report) -> anyhow::Result<()> {
+    let world = World::new(&Settings::default());
+    let _bank = bank(&world, SLOW_BAUD);
+    let (is_homed, said) = home(&world)?;
+    ensure!(is_homed, "{said}");
+    let mut driver = start(&world, "dynamixel-robot", &[]);
+    let status = driver.wait(PATIENCE)?;
+    let log = driver.log();
+    let said = log.lines().last().unwrap_or_default();
+    report.check(
+        "servos: a bus too slow for the loop: what the driver says at the start",
+        format!("{status}: {said}"),
+        "the serial line is too slow, and it does not drive",
+        !status.success() && log.contains("the serial line is too slow"),
+    );
+    Ok(())
 }
 
 impl Case {
     fn run(&self, report: &mut Report) -> anyhow::Result<()> {
-        let line = |what: &str| format!("servos: {}: {what}", self.what);
         let mut all = ServoStack::driven()?;
         let id = all.stack.begin_motion(Goal::tip(TIP_M))?;
         sleep(UNDER_WAY);
+        let said_before = all.driver.log().len();
         all.bank.set(self.begin);
         let moved_m = moved(&all);
         let ended = all.stack.wait_for_end(id);
         let state = all.stack.controller_state();
         report.check(
-            &line("what the controller says"),
+            &self.line("what the controller says"),
             format!("{}, {}", state.state, state.fault),
             &self.expected(),
             match self.faults {
@@ -124,25 +183,8 @@ impl Case {
                 faults => faults.contains(&state.fault),
             },
         );
-        report.shown(
-            &line("what the driver says"),
-            last_warning(&all.driver.log()),
-        );
-        let mut each = String::new();
-        for motor in moved_m {
-            let _ = write!(each, "{:.1} ", motor * 1e3);
-        }
-        report.shown(&line("how far each motor moved from then on, mm"), each);
-        if !self.faults.is_empty() {
-            let limits = &all.stack.world.robot.tendon_limits;
-            let bar = limits.velocity * (NOTICED_WITHIN_S + 0.5 * LONGEST_STOP_S);
-            let most = moved_m.into_iter().fold(0.0, f64::max);
-            report.at_most(
-                &line("farthest, m (at full speed until it is noticed, and a stop)"),
-                most,
-                bar,
-            );
-        }
+        self.judge_driver(report, &all.driver.log()[said_before..]);
+        self.judge_motors(report, &all, &moved_m);
         ensure!(
             !self.faults.is_empty() || ended.is_ok(),
             "the motion ended otherwise"
@@ -156,12 +198,49 @@ impl Case {
             .as_ref()
             .map_or_else(ToString::to_string, |it| it.fault.to_string());
         report.check(
-            &line("a motion afterwards"),
+            &self.line("a motion afterwards"),
             format!("{:?}: {figure}", self.recovery),
             "reached, without a fault",
             ended.is_ok(),
         );
         Ok(())
+    }
+
+    fn line(&self, what: &str) -> String {
+        format!("servos: {}: {what}", self.what)
+    }
+
+    /// What the driver has logged since the fault came.
+    fn judge_driver(&self, report: &mut Report, log: &str) {
+        let warnings = warnings(log);
+        report.check(
+            &self.line("what the driver warns of"),
+            warnings.join("; "),
+            self.driver.unwrap_or("nothing"),
+            match self.driver {
+                Some(text) => warnings.iter().any(|it| it.contains(text)),
+                None => warnings.is_empty(),
+            },
+        );
+    }
+
+    fn judge_motors(&self, report: &mut Report, all: &ServoStack, moved_m: &[f64; SERVOS]) {
+        let mut each = String::new();
+        for motor in moved_m {
+            let _ = write!(each, "{:.1} ", motor * 1e3);
+        }
+        let line = self.line("how far each motor moved from then on, mm");
+        report.shown(&line, each);
+        if !self.faults.is_empty() {
+            let limits = &all.stack.world.robot.tendon_limits;
+            let bar = limits.velocity * (NOTICED_WITHIN_S + 0.5 * LONGEST_STOP_S);
+            let most = moved_m.iter().copied().fold(0.0, f64::max);
+            report.at_most(
+                &self.line("farthest, m (at full speed until it is noticed, and a stop)"),
+                most,
+                bar,
+            );
+        }
     }
 
     /// What the controller is to say.
@@ -178,11 +257,15 @@ impl Case {
             return Ok(());
         }
         all.bank.set(|faults| *faults = Faults::default());
-        if self.recovery == Recovery::Homing {
+        if self.recovery != Recovery::Reset {
             all.driver.sigterm(PATIENCE)?;
+        }
+        if self.recovery == Recovery::Homing {
             all.bank.reboot();
             let (is_homed, said) = home(&all.stack.world)?;
             ensure!(is_homed, "{said}");
+        }
+        if self.recovery != Recovery::Reset {
             all.driver = start(&all.stack.world, "dynamixel-robot", &[]);
         }
         all.stack.clear_fault()?;
@@ -205,10 +288,11 @@ fn moved(all: &ServoStack) -> [f64; SERVOS] {
     moved
 }
 
-fn last_warning(log: &str) -> String {
-    let mut warnings = log
-        .lines()
-        .rev()
-        .filter(|line| line.contains("WARN") || line.contains("ERROR"));
-    warnings.next().unwrap_or("nothing").to_owned()
+/// Warnings and errors of a log, without what comes before their texts.
+fn warnings(log: &str) -> Vec<String> {
+    let text = |line: &str| {
+        let (_, text) = line.split_once("WARN").or(line.split_once("ERROR"))?;
+        Some(text.trim().to_owned())
+    };
+    log.lines().filter_map(text).collect()
 }
