@@ -1,8 +1,17 @@
 //! The demonstration by a robot whose tendons Dynamixel servos wind.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{scope, sleep};
+use std::time::Duration;
+
+use anyhow::{Context, ensure};
+use pcc_model::Robot;
+use shared_types::clock::mono_now_ns;
 use tests::brute_force::Body;
 use tests::programs::repository;
+use tests::recording::Recording;
 use tests::servo_bank::{SERVOS, ServoBank};
+use tests::stack::tip_error;
 
 use crate::demo::{judge, on_a_clean_clone};
 use crate::report::Report;
@@ -12,6 +21,12 @@ use crate::scale::Scale;
 const BAUD: u32 = 4_000_000;
 /// How slack each tendon is before it is homed, m.
 const SLACK_M: [f64; SERVOS] = [0.002, 0.01, 0.0, 0.004, 0.02, 0.001, 0.006, 0.015, 0.003];
+/// Time between two looks at the bank's tendons.
+const LOOK: Duration = Duration::from_millis(10);
+/// When a motion has come to rest after its last set-point, and until when it holds at least, ns.
+const HOLD_NS: [i64; 2] = [500_000_000, 800_000_000];
+/// Bending of the robot that is straight, rad.
+const STRAIGHT_RAD: f64 = 1e-2;
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
     let command = "scripts/demo --dynamixel FILE --record DIR";
@@ -21,12 +36,97 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         let text = std::fs::read_to_string(&robot_file)?;
         let table: toml::Table = text.parse()?;
         let radius_m = table["spool_radius_m"].as_float().unwrap_or(f64::NAN);
-        let bank = ServoBank::start(&Body::from_robot_file(&text), radius_m, BAUD, SLACK_M);
+        let body = Body::from_robot_file(&text);
+        let bank = ServoBank::start(&body, radius_m, BAUD, SLACK_M);
         let config = folder.path().join("dynamixel-robot.toml");
         bank.write_config(&config, &robot_file);
         let recorded = folder.path().join("recording");
         let by_servos = ["--dynamixel", &config.to_string_lossy()];
-        let printed = on_a_clean_clone(report, scale, folder.path(), &recorded, &by_servos)?;
-        judge(report, &recorded, &printed)
+        let (printed, wound) = WoundTendons::watch(&bank, || {
+            on_a_clean_clone(report, scale, folder.path(), &recorded, &by_servos)
+        });
+        judge(report, &recorded, &printed?)?;
+        let robot = Robot::from_file(&robot_file)?;
+        tips(report, &Recording::read(&recorded)?, &robot, &body, &wound)
     });
+}
+
+/// Lengths of the tendons as the servos have wound them, by the bank itself.
+struct WoundTendons {
+    /// When, ns of CLOCK_MONOTONIC, and the lengths, m.
+    looks: Vec<(i64, [f64; SERVOS])>,
+}
+
+/// Ends what waits for it once dropped, also by a panic.
+struct Ends<'a>(&'a AtomicBool);
+
+impl Drop for Ends<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+impl WoundTendons {
+    /// Looks at a bank while something is done.
+    fn watch<T>(bank: &ServoBank, meanwhile: impl FnOnce() -> T) -> (T, Self) {
+        let is_over = AtomicBool::new(false);
+        scope(|scope| {
+            let watching = scope.spawn(|| {
+                let mut looks = Vec::new();
+                while !is_over.load(Ordering::Relaxed) {
+                    looks.push((mono_now_ns(), bank.lengths_m()));
+                    sleep(LOOK);
+                }
+                looks
+            });
+            let ends = Ends(&is_over);
+            let done = meanwhile();
+            drop(ends);
+            let looks = watching.join().expect("it does not panic");
+            (done, Self { looks })
+        })
+    }
+
+    /// Mean lengths between two instants, m.
+    fn mean_m(&self, [begin_ns, end_ns]: [i64; 2]) -> anyhow::Result<[f64; SERVOS]> {
+        let within = |(at_ns, _): &&(i64, _)| (begin_ns..=end_ns).contains(at_ns);
+        let within: Vec<_> = self.looks.iter().filter(within).collect();
+        ensure!(!within.is_empty(), "nobody looked at the bank then");
+        let sum = |k: usize| {
+            within
+                .iter()
+                .map(|(_, lengths_m)| lengths_m[k])
+                .sum::<f64>()
+        };
+        Ok(std::array::from_fn(|k| sum(k) / within.len() as f64))
+    }
+}
+
+/// Tip errors at the end of each motion, by what the servos have wound since the robot was straight.
+fn tips(
+    report: &mut Report,
+    recording: &Recording,
+    robot: &Robot,
+    body: &Body,
+    wound: &WoundTendons,
+) -> anyhow::Result<()> {
+    let motions = recording.motions();
+    let first = motions.first().context("nothing was moved")?.range.0;
+    let begin = recording.commanded(first);
+    ensure!(begin.norm() < STRAIGHT_RAD, "the robot was not straight");
+    let begin_ns = recording.samples[first].stamp_ns;
+    let straight_m = wound.mean_m([begin_ns - HOLD_NS[0], begin_ns])?;
+    for (motion, told) in motions.iter().zip(&recording.told.motions) {
+        let end_ns = recording.samples[motion.range.1].stamp_ns;
+        let held_m = wound.mean_m(HOLD_NS.map(|after_ns| end_ns + after_ns))?;
+        let wound_m = std::array::from_fn(|k| held_m[k] - straight_m[k]);
+        let shape_rad = body.explain(&wound_m).configuration;
+        let error_m = tip_error(robot, &shape_rad, &told.requested_tip_m);
+        let line = format!(
+            "experiment {}, {}: tip error by the lengths that the servos have wound, in section lengths",
+            told.experiment, told.name
+        );
+        report.at_most(&line, error_m / robot.section_lengths[0], 0.03);
+    }
+    Ok(())
 }
