@@ -1,5 +1,6 @@
 //! A private place for one set of processes: services, configuration files, logs.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -131,16 +132,24 @@ impl World {
     /// Bytes in shared memory under this world's prefix and root, as the files' sizes.
     #[must_use]
     pub fn shared_memory_bytes(&self) -> u64 {
-        let segments = fs::read_dir("/dev/shm").unwrap().filter_map(Result::ok);
-        let mine = segments.filter(|entry| {
+        let files = self.shared_files();
+        let data = files.iter().filter_map(|file| fs::metadata(file).ok());
+        data.filter(fs::Metadata::is_file).map(|it| it.len()).sum()
+    }
+
+    /// Files of the services, in `/dev/shm` those with this world's prefix, and all files and folders under its root.
+    #[must_use]
+    pub fn shared_files(&self) -> BTreeSet<PathBuf> {
+        let mut files = BTreeSet::new();
+        for entry in entries(Path::new("/dev/shm")) {
             let name = entry.file_name();
-            name.to_string_lossy().starts_with(&self.options.prefix)
-        });
-        let segments: u64 = mine
-            .filter(|entry| entry.path().is_file())
-            .map(|entry| entry.metadata().map_or(0, |data| data.len()))
-            .sum();
-        segments + folder_bytes(&self.options.root)
+            let is_own = name.to_string_lossy().starts_with(&self.options.prefix);
+            if is_own && entry.path().is_file() {
+                files.insert(entry.path());
+            }
+        }
+        add_files(&self.options.root, &mut files);
+        files
     }
 
     pub(crate) fn new_log(&self, program: &str) -> PathBuf {
@@ -152,7 +161,7 @@ impl World {
 impl Drop for World {
     /// What killed processes have left; nobody else uses this prefix.
     fn drop(&mut self) {
-        for entry in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+        for entry in entries(Path::new("/dev/shm")) {
             let name = entry.file_name();
             if name.to_string_lossy().starts_with(&self.options.prefix) && entry.path().is_file() {
                 let _ = fs::remove_file(entry.path());
@@ -161,18 +170,19 @@ impl Drop for World {
     }
 }
 
-fn folder_bytes(folder: &Path) -> u64 {
-    let entries = fs::read_dir(folder)
-        .into_iter()
-        .flatten()
-        .filter_map(Result::ok);
-    entries
-        .map(|entry| match entry.metadata() {
-            Ok(data) if data.is_dir() => folder_bytes(&entry.path()),
-            Ok(data) => data.len(),
-            Err(_) => 0,
-        })
-        .sum()
+/// The entries of a folder; none where it is gone.
+fn entries(folder: &Path) -> impl Iterator<Item = fs::DirEntry> {
+    fs::read_dir(folder).into_iter().flatten().flatten()
+}
+
+fn add_files(folder: &Path, files: &mut BTreeSet<PathBuf>) {
+    for entry in entries(folder) {
+        let path = entry.path();
+        if path.is_dir() {
+            add_files(&path, files);
+        }
+        files.insert(path);
+    }
 }
 
 /// The key of the real-time priority in every configuration file.

@@ -11,12 +11,13 @@ use tests::process::{Process, TimedOut, wait_for};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 
+use super::lines;
 use crate::report::Report;
 
 /// A tip that the unit robot reaches from rest.
 pub(super) const TIP_M: [f64; 3] = [1.0, 0.5, 2.3];
 /// How long an example may take that ends by itself.
-const LIMIT: Duration = Duration::from_secs(30);
+pub(super) const LIMIT: Duration = Duration::from_secs(30);
 
 /// An example by its name, without its ending.
 pub(super) struct Program {
@@ -43,19 +44,22 @@ pub(super) struct Examples {
     pub(super) folder: PathBuf,
     /// The ending of an example's file.
     pub(super) ending: &'static str,
-    /// How a line begins that is none of the example's own: a comment, the naming of what is used, the end of a block. Where none is named
-    /// every line counts.
+    /// How a line begins that is none of the example's own: a comment, the naming of what is used, the end of a block.
     pub(super) of_all: &'static [&'static str],
+    /// The file that all examples share, if there is one.
+    pub(super) shared: Option<&'static str>,
     /// Lines of its own that each example may have.
     pub(super) most_lines: usize,
     /// Those that do nothing without arguments.
     pub(super) need_arguments: &'static [&'static str],
-    /// What `watch` tells of a motion and of its end.
+    /// What `watch` tells of a motion, and afterwards of its end.
     pub(super) watched: [&'static str; 2],
     /// Builds what is missing of an example.
     pub(super) program: fn(&str) -> anyhow::Result<Program>,
-    /// Builds the program `other_robot` beside this file; none where the language has no robot files.
-    pub(super) other_robot: Option<fn() -> anyhow::Result<Program>>,
+    /// Builds the program `other_robot` beside this file.
+    pub(super) other_robot: fn() -> anyhow::Result<Program>,
+    /// How that program is told its robot file.
+    pub(super) told_robot: fn(&Path) -> anyhow::Result<String>,
 }
 
 impl Examples {
@@ -74,12 +78,10 @@ impl Examples {
         report.group(&group("follow trajectories"), self.command, |report| {
             self.follow(report)
         });
-        if let Some(program) = self.other_robot {
-            let command = "tests/src/bin/acceptance/join/other_robot.*";
-            report.group(&group("another robot"), command, |report| {
-                self.other_robot(report, &program()?)
-            });
-        }
+        let command = "tests/src/bin/acceptance/join/other_robot.*";
+        report.group(&group("another robot"), command, |report| {
+            self.other_robot(report, &(self.other_robot)()?)
+        });
         report.group(&group("no arguments"), self.command, |report| {
             self.usage(report)
         });
@@ -88,7 +90,7 @@ impl Examples {
         });
     }
 
-    fn line(&self, what: &str) -> String {
+    pub(super) fn line(&self, what: &str) -> String {
         format!("{}: {what}", self.language)
     }
 
@@ -156,12 +158,18 @@ impl Examples {
         let status = watching.wait(LIMIT)?;
         ensure!(status.success(), "watch: {status}: {}", watching.log());
         let watched = watching.log();
-        let sees = self.watched.iter().all(|told| watched.contains(told));
+        let [moving, ended] = self.watched;
+        let after = watched.rsplit_once(moving).map(|(_, after)| after);
+        let told = after.map_or(0, |after| after.matches(ended).count());
+        let figure = match after {
+            Some(_) => format!("`{ended}` {told} times after the last `{moving}`"),
+            None => format!("no `{moving}`"),
+        };
         report.check(
-            &self.line("watch tells of the motion and of its end"),
-            sees.to_string(),
-            "true",
-            sees,
+            &self.line("watch tells of the motion and then of its end"),
+            figure,
+            "at least once",
+            told > 0,
         );
         Ok(())
     }
@@ -246,7 +254,7 @@ impl Examples {
             (&other, "of another robot file", "wrong robot"),
         ] {
             let before = program.arguments.iter().cloned();
-            let all: Vec<String> = before.chain([file.display().to_string()]).collect();
+            let all: Vec<String> = before.chain([(self.told_robot)(file)?]).collect();
             let all: Vec<&str> = all.iter().map(String::as_str).collect();
             let mut asking = Process::start_program(&stack.world, &program.path, &all);
             let status = asking.wait(LIMIT)?;
@@ -277,32 +285,21 @@ impl Examples {
     }
 
     fn lines(&self, report: &mut Report) -> anyhow::Result<()> {
-        for entry in std::fs::read_dir(&self.folder)? {
-            let path = entry?.path();
-            let is_example = path.extension().is_some_and(|it| it == self.ending);
-            // What all of a language's examples share.
-            if !is_example || path.ends_with("wire.py") {
-                continue;
-            }
-            let count = self.own_lines(&path)?;
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            let bar = format!("<= {}", self.most_lines);
-            let line = self.line(&format!("lines of {name}"));
-            report.check(&line, count.to_string(), &bar, count <= self.most_lines);
+        let counted = lines::count(&self.folder, self.ending, self.shared, self.of_all)?;
+        let bar = format!("<= {}", self.most_lines);
+        for example in counted {
+            let figure = match example.from_shared.as_slice() {
+                [] => example.lines.to_string(),
+                parts => format!(
+                    "{} with {} of what is shared",
+                    example.lines,
+                    parts.join(", ")
+                ),
+            };
+            let line = self.line(&format!("lines of {}", example.name));
+            report.check(&line, figure, &bar, example.lines <= self.most_lines);
         }
         Ok(())
-    }
-
-    /// Lines that are neither blank nor what all programs have; all lines where nothing is named that these have.
-    fn own_lines(&self, example: &Path) -> anyhow::Result<usize> {
-        let text = std::fs::read_to_string(example);
-        let text = text.with_context(|| example.display().to_string())?;
-        let is_own = |line: &&str| {
-            let line = line.trim();
-            self.of_all.is_empty()
-                || !line.is_empty() && !self.of_all.iter().any(|begin| line.starts_with(begin))
-        };
-        Ok(text.lines().filter(is_own).count())
     }
 }
 

@@ -27,6 +27,7 @@ pub(super) fn rust() -> Examples {
         folder: repository().join("crates/client/examples"),
         ending: "rs",
         of_all: &["//", "use ", "}"],
+        shared: None,
         most_lines: LINES,
         need_arguments: &NAMES,
         watched: ["executing", "holding"],
@@ -44,8 +45,9 @@ pub(super) fn rust() -> Examples {
                 .arg(name))?;
             Ok(built(release()?.join("examples").join(name)))
         },
-        // tests/tests/robots.rs
-        other_robot: None,
+        // Built with this program.
+        other_robot: || Ok(built(release()?.join("other-robot"))),
+        told_robot: by_path,
     }
 }
 
@@ -56,11 +58,13 @@ pub(super) fn c() -> Examples {
         folder: repository().join("clients/c/examples"),
         ending: "c",
         of_all: &["/*", "#include", "}"],
+        shared: None,
         most_lines: LINES,
         need_arguments: &NAMES,
         watched: ["executing", "holding"],
         program: |name| compiled(&c_example(name, "c"), &C),
-        other_robot: None,
+        other_robot: || compiled(&beside("other_robot.c"), &C),
+        told_robot: by_path,
     }
 }
 
@@ -71,14 +75,13 @@ pub(super) fn cpp() -> Examples {
         folder: repository().join("clients/c/examples"),
         ending: "cpp",
         of_all: &["//", "#include", "}"],
+        shared: None,
         most_lines: LINES,
         need_arguments: &NAMES,
         watched: ["executing", "holding"],
         program: |name| compiled(&c_example(name, "cpp"), &CPP),
-        other_robot: Some(|| {
-            let source = "tests/src/bin/acceptance/join/other_robot.cpp";
-            compiled(&repository().join(source), &CPP)
-        }),
+        other_robot: || compiled(&beside("other_robot.cpp"), &CPP),
+        told_robot: by_path,
     }
 }
 
@@ -89,6 +92,7 @@ pub(super) fn python() -> Examples {
         folder: repository().join("clients/python/examples"),
         ending: "py",
         of_all: &["\"\"\"", "import ", "from ", "#"],
+        shared: None,
         most_lines: LINES,
         need_arguments: &NAMES,
         watched: ["executing", "holding"],
@@ -96,10 +100,8 @@ pub(super) fn python() -> Examples {
             let script = repository().join(format!("clients/python/examples/{name}.py"));
             Ok(Program::script(python_client()?, &script))
         },
-        other_robot: Some(|| {
-            let script = repository().join("tests/src/bin/acceptance/join/other_robot.py");
-            Ok(Program::script(python_client()?, &script))
-        }),
+        other_robot: || Ok(Program::script(python_client()?, &beside("other_robot.py"))),
+        told_robot: by_path,
     }
 }
 
@@ -136,6 +138,16 @@ fn with_folder_of(python: &Path) -> anyhow::Result<OsString> {
     Ok(env::join_paths(
         folder.into_iter().chain(env::split_paths(&before)),
     )?)
+}
+
+/// A file of this suite.
+pub(super) fn beside(name: &str) -> PathBuf {
+    let folder = repository().join("tests/src/bin/acceptance/join");
+    folder.join(name)
+}
+
+fn by_path(robot_file: &Path) -> anyhow::Result<String> {
+    Ok(robot_file.display().to_string())
 }
 
 fn c_example(name: &str, ending: &str) -> PathBuf {

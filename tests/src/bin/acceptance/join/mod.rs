@@ -3,6 +3,8 @@
 mod client_kills;
 mod examples;
 mod languages;
+mod lines;
+mod other_services;
 mod plain_python;
 mod python;
 mod records;
@@ -30,5 +32,6 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
 
 fn of_language(examples: &Examples, report: &mut Report, scale: Scale) {
     examples.run(report);
+    other_services::run(examples, report);
     client_kills::run(examples, report, scale);
 }

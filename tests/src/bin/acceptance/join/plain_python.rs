@@ -1,12 +1,16 @@
 //! Every service joined, and each part played, from Python with iceoryx2's own bindings and what `wire.json` says.
 
+use std::path::PathBuf;
+
+use pcc_model::Robot;
 use shared_types::ipc::{EVENTS, TOPICS};
 use tests::programs::repository;
 use tests::stack::Stack;
 use tests::world::Settings;
 
-use super::client_kills;
 use super::examples::{Examples, Program};
+use super::languages::beside;
+use super::{client_kills, other_services};
 use crate::paper_python::python_with;
 use crate::report::Report;
 use crate::scale::Scale;
@@ -19,6 +23,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         every_service(&examples, report)
     });
     examples.run(report);
+    other_services::run(&examples, report);
     client_kills::run(&examples, report, scale);
     report.group(&group("verdicts on scenes"), command, |report| {
         verdicts(&examples, report)
@@ -31,21 +36,31 @@ fn examples() -> Examples {
         command: "clients/plain-python",
         folder: repository().join("clients/plain-python"),
         ending: "py",
-        of_all: &[],
+        of_all: &["\"\"\"", "import ", "from ", "#"],
+        shared: Some("wire.py"),
         most_lines: 60,
         need_arguments: &["plan", "scene"],
         watched: ["executing", ": reached"],
         program: |name| {
             let script = repository().join(format!("clients/plain-python/{name}.py"));
-            let python = python_with(
-                "venv-plain",
-                "clients/plain-python/requirements.txt",
-                "iceoryx2 and numpy",
-            )?;
-            Ok(Program::script(python, &script))
+            Ok(Program::script(plain_python()?, &script))
         },
-        other_robot: None,
+        other_robot: || {
+            let script = beside("other_robot_by_wire.py");
+            Ok(Program::script(plain_python()?, &script))
+        },
+        // It has no robot files: it is told the hash.
+        told_robot: |file| Ok(format!("{:016x}", Robot::from_file(file)?.hash())),
     }
+}
+
+/// A Python with iceoryx2's own bindings.
+fn plain_python() -> anyhow::Result<PathBuf> {
+    python_with(
+        "venv-plain",
+        "clients/plain-python/requirements.txt",
+        "iceoryx2 and numpy",
+    )
 }
 
 fn every_service(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
