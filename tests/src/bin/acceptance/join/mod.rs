@@ -10,6 +10,7 @@ mod python;
 mod records;
 mod servo_faults;
 mod servos;
+mod stamps;
 mod transport;
 
 use self::examples::Examples;
@@ -26,6 +27,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     servos::run,
     |report, _| servo_faults::run(report),
     transport::run,
+    stamps::run,
     python::run,
     records::run,
 ];

@@ -1,18 +1,14 @@
 //! What the transport costs, and that `pcc latency` tells the truth of it.
 
+use std::fs;
 use std::path::Path;
 use std::time::Duration;
-use std::{fs, thread};
 
-use anyhow::{Context, anyhow, ensure};
+use anyhow::{Context, ensure};
+use client::Client;
 use serde_json::Value;
-use shared_types::clock::mono_now_ns;
-use shared_types::ipc::{
-    EventListener, EventNotifier, IpcNode, IpcOptions, PlanClient, Subscriber, event_listener,
-    event_notifier, observer_subscriber, open_plan_service, plan_answered_event, plan_asked_event,
-    plan_client, plan_record_service,
-};
-use shared_types::message::{PlanRecord, PlanRequest};
+use shared_types::codes::Outcome;
+use shared_types::message::{Knot, PlanReport};
 use shared_types::valid;
 
 use tests::process::Process;
@@ -22,32 +18,30 @@ use tests::world::{Settings, World};
 use super::examples::TIP_M;
 use crate::report::Report;
 use crate::scale::Scale;
-use crate::spread::median;
 
 /// The longest that `pcc latency` may take.
 const LIMIT: Duration = Duration::from_secs(900);
-/// The other program looks for an answer at least so often, as `pcc` does.
-const LONGEST_SLEEP: Duration = Duration::from_millis(2);
-/// Turns of `pcc latency` and of the other program.
-const TURNS: usize = 5;
+/// Clients of an open loop.
+const CLIENTS: u32 = 4;
+/// Requests a second that no daemon on two processors plans.
+const OVERLOAD: u32 = 5_000;
+/// What the planner `null` answers.
+const CANDIDATES: usize = 10;
+const KNOTS: usize = 64;
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
     let command = "pcc latency --baselines COUNT, of a daemon with planner = \"null\"";
     report.group("transport", command, |report| transport(report, scale));
     let command = "pcc plan, and /proc/PID/maps";
     report.group("transport: no copies", command, no_copies);
-    let command = "pcc latency --stamps FILE";
-    report.group("latency: another program's stamps", command, |report| {
-        stamps(report, scale)
-    });
-    let command = "pcc latency --rate RATE --clients 4";
+    let command = "pcc latency --rate RATE --requests COUNT --clients 4";
     report.group("latency: open loop", command, |report| {
         open_loop(report, scale)
     });
 }
 
 /// A stack of a daemon alone.
-fn daemon(settings: &Settings) -> anyhow::Result<Stack> {
+pub(super) fn daemon(settings: &Settings) -> anyhow::Result<Stack> {
     let mut stack = Stack::new(settings);
     stack.start(Part::Daemon);
     stack.client.wait_for_daemon(PATIENCE)?;
@@ -55,7 +49,7 @@ fn daemon(settings: &Settings) -> anyhow::Result<Stack> {
 }
 
 /// What `pcc latency` writes with these arguments.
-fn latency(world: &World, arguments: &[&str]) -> anyhow::Result<Value> {
+pub(super) fn latency(world: &World, arguments: &[&str]) -> anyhow::Result<Value> {
     let file = world.folder().join("latency.json");
     let json = file.display().to_string();
     let all = [&["latency", "--json", &json], arguments].concat();
@@ -69,18 +63,32 @@ fn transport(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let settings = Settings {
         daemon: vec![
             ("planner", "null".into()),
-            ("knots_per_candidate", 64.into()),
+            ("knots_per_candidate", (KNOTS as i64).into()),
         ],
         ..Settings::default()
     };
     let mut stack = daemon(&settings)?;
+    let lengths = stored_answer(&mut stack.client)?;
+    report.check(
+        "transport: knots of each candidate that the planner `null` answers",
+        format!("{lengths:?}"),
+        &format!("{CANDIDATES} candidates of {KNOTS} knots"),
+        lengths == [KNOTS; CANDIDATES],
+    );
     stack.disconnect_client();
     let count = scale.pick("5000", "20000");
     let measured = latency(&stack.world, &["--requests", "100", "--baselines", count])?;
     let baselines = &measured["baselines"];
+    let bytes = size_of::<PlanReport>() + CANDIDATES * KNOTS * size_of::<Knot>();
+    report.check(
+        "transport: bytes of an answer of each transport",
+        baselines["bytes"].to_string(),
+        &bytes.to_string(),
+        baselines["bytes"] == bytes,
+    );
     report.shown(
-        "transport: bytes of an answer, and round trips of each transport in each of five windows",
-        format!("{}, {}", baselines["bytes"], baselines["round_trips"]),
+        "transport: round trips of each transport in each of five windows",
+        baselines["round_trips"].to_string(),
     );
     for (index, window) in array(&baselines["windows"])?.iter().enumerate() {
         report.shown(&format!("transport: window {index}, µs"), text_of(window)?);
@@ -96,6 +104,17 @@ fn transport(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         report.at_most(&line, ratio.context("no ratio")?, bar);
     }
     Ok(())
+}
+
+/// Knots of each candidate of the second answer: the first one is planned, and answers all others.
+fn stored_answer(client: &mut Client) -> anyhow::Result<Vec<usize>> {
+    let request = valid::PlanRequest {
+        candidate_count: CANDIDATES,
+        ..valid::PlanRequest::new([0.0; 6], valid::Goal::tip(TIP_M))
+    };
+    client.plan(&request, PATIENCE)?;
+    let answer = client.plan(&request, PATIENCE)?;
+    Ok(answer.candidates().map(|it| it.knots.len()).collect())
 }
 
 fn array(value: &Value) -> anyhow::Result<&Vec<Value>> {
@@ -190,176 +209,93 @@ impl Mapping {
     }
 }
 
-/// Round trips that `pcc latency` tells, against those that another program measures by the same requests, in turn.
-fn stamps(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let mut stack = daemon(&Settings::default())?;
-    stack.disconnect_client();
-    let of_a_turn = scale.pick(400, 2_000);
-    let records = Records::open(&stack.world.options)?;
-    let mut other = OtherProgram::connect(&stack.world.options)?;
-    let (mut told_ms, mut measured_ms) = (Vec::new(), Vec::new());
-    for _ in 0..TURNS {
-        told_ms.extend(told(
-            &stack.world,
-            of_a_turn,
-            &records,
-            &mut other.requests,
-        )?);
-        measured_ms.extend(other.round_trips_ms(of_a_turn)?);
-    }
-    let [told, measured] = [&told_ms, &measured_ms].map(|times_ms| median(times_ms));
-    report.shown(
-        "latency: medians that `pcc latency` and another program stamped, requests of each, different ones",
-        format!(
-            "{told:.4} and {measured:.4} ms, {} and {}, {}",
-            told_ms.len(),
-            measured_ms.len(),
-            other.requests.len()
-        ),
-    );
-    let line = "latency: |told ÷ measured − 1| of the medians";
-    report.at_most(line, (told / measured - 1.0).abs(), 0.02);
-    Ok(())
-}
-
-/// Round trips of a run of `pcc latency` by the stamps that it writes, ms; what it asks for is added to `requests` where it is not there yet.
-fn told(
-    world: &World,
-    count: usize,
-    records: &Records,
-    requests: &mut Vec<PlanRequest>,
-) -> anyhow::Result<Vec<f64>> {
-    let file = world.folder().join("stamps.txt");
-    let [stamps, count] = [file.display().to_string(), count.to_string()];
-    let arguments = ["--requests", &count, "--stamps", &stamps];
-    thread::scope(|scope| {
-        let running = scope.spawn(|| latency(world, &arguments));
-        while !running.is_finished() {
-            records.take(requests)?;
-            thread::sleep(Duration::from_millis(1));
-        }
-        running.join().expect("it does not panic")
-    })?;
-    let text = fs::read_to_string(&file)?;
-    let of_line = |line: &str| {
-        let stamps: Vec<f64> = line.split(' ').filter_map(|it| it.parse().ok()).collect();
-        let [_due, sent, answered] = stamps.as_slice() else {
-            return None;
-        };
-        Some((answered - sent) * 1e-6)
-    };
-    Ok(text.lines().filter_map(of_line).collect())
-}
-
-/// What the daemon says that it was asked for.
-struct Records {
-    records: Subscriber<PlanRecord>,
-    // Declared last: the node outlives its ports.
-    _node: IpcNode,
-}
-
-impl Records {
-    fn open(options: &IpcOptions) -> anyhow::Result<Self> {
-        let node = IpcNode::create(options, "stamps-records")?;
-        Ok(Self {
-            records: observer_subscriber(&node, &plan_record_service(&node)?)?,
-            _node: node,
-        })
-    }
-
-    /// Adds requests that are not there yet.
-    fn take(&self, requests: &mut Vec<PlanRequest>) -> anyhow::Result<()> {
-        let received = || self.records.receive().map_err(|error| anyhow!("{error:?}"));
-        while let Some(record) = received()? {
-            if !requests.iter().any(|it| it.seed == record.request.seed) {
-                requests.push(record.request);
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Another client, with nothing of ours but the ports: it sends bytes, and waits for events as `pcc` does.
-struct OtherProgram {
-    client: PlanClient,
-    asked: EventNotifier,
-    answered: EventListener,
-    /// What it asks for, one after the other.
-    requests: Vec<PlanRequest>,
-    // Declared last: the node outlives its ports.
-    _node: IpcNode,
-}
-
-impl OtherProgram {
-    fn connect(options: &IpcOptions) -> anyhow::Result<Self> {
-        let node = IpcNode::create(options, "stamps")?;
-        Ok(Self {
-            client: plan_client(&node, &open_plan_service(&node)?)?,
-            asked: event_notifier(&node, &plan_asked_event(&node)?)?,
-            answered: event_listener(&node, &plan_answered_event(&node)?)?,
-            requests: Vec::new(),
-            _node: node,
-        })
-    }
-
-    fn round_trips_ms(&mut self, count: usize) -> anyhow::Result<Vec<f64>> {
-        ensure!(!self.requests.is_empty(), "no request was recorded");
-        (0..count)
-            .map(|index| self.round_trip_ms(&self.requests[index % self.requests.len()]))
-            .collect()
-    }
-
-    fn round_trip_ms(&self, request: &PlanRequest) -> anyhow::Result<f64> {
-        let begun_ns = mono_now_ns();
-        let loan = self.client.loan_uninit();
-        let loan = loan.map_err(|error| anyhow!("{error:?}"))?;
-        let pending = loan.write_payload(*request).send();
-        let pending = pending.map_err(|error| anyhow!("{error:?}"))?;
-        self.asked.notify().map_err(|error| anyhow!("{error:?}"))?;
-        loop {
-            let received = pending.receive().map_err(|error| anyhow!("{error:?}"))?;
-            if received.is_some() {
-                return Ok((mono_now_ns() - begun_ns) as f64 * 1e-6);
-            }
-            self.answered.wait(None, LONGEST_SLEEP)?;
-        }
-    }
+/// What a load that comes at a fixed rate is answered, and by when.
+struct OpenLoop {
+    /// Requests a second.
+    rate: u32,
+    lasts_s: u32,
+    daemon: Settings,
+    /// Whether so much is more than the daemon serves.
+    is_too_much: bool,
 }
 
 fn open_loop(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let mut stack = daemon(&Settings::default())?;
-    stack.disconnect_client();
-    for rate in [100_u32, 500, 1_000] {
-        let requests = rate * scale.pick(5, 60);
-        let [requests_text, rate_text] = [requests, rate].map(|number| number.to_string());
-        let measured = latency(
-            &stack.world,
-            &[
-                "--clients",
-                "4",
-                "--rate",
-                &rate_text,
-                "--requests",
-                &requests_text,
-            ],
-        )?;
-        let plans = &measured["plans"];
-        let of = |percentile: &str| {
-            let ms = plans["times_ms"]["round trip"][percentile].as_f64();
-            format!("{percentile} {:.3}", ms.unwrap_or(f64::NAN))
+    for rate in [100, 500, 1_000] {
+        let load = OpenLoop {
+            rate,
+            lasts_s: scale.pick(5, 60),
+            daemon: Settings::default(),
+            is_too_much: false,
         };
-        let percentiles = ["p50", "p90", "p99", "p99.9"].map(of).join(", ");
+        load.run(report)?;
+    }
+    let load = OpenLoop {
+        rate: OVERLOAD,
+        lasts_s: scale.pick(2, 10),
+        daemon: Settings {
+            daemon: vec![("queued_per_client", 1.into())],
+            ..Settings::default()
+        },
+        is_too_much: true,
+    };
+    load.run(report)
+}
+
+impl OpenLoop {
+    fn line(&self, what: &str) -> String {
+        let queue = match self.is_too_much {
+            true => ", a queue of one for each client",
+            false => "",
+        };
+        format!(
+            "latency: open loop, {} requests a second{queue}: {what}",
+            self.rate
+        )
+    }
+
+    fn run(&self, report: &mut Report) -> anyhow::Result<()> {
+        let mut stack = daemon(&self.daemon)?;
+        stack.disconnect_client();
+        let requests = self.rate * self.lasts_s;
+        let [all, rate] = [requests, self.rate].map(|number| number.to_string());
+        let clients = CLIENTS.to_string();
+        let load = ["--clients", &clients, "--rate", &rate, "--requests", &all];
+        let measured = latency(&stack.world, &load)?;
+        let plans = &measured["plans"];
+        self.percentiles(report, plans, "round trip", "round trips of plans, ms");
+        self.percentiles(report, plans, "late to be sent", "late to be sent, ms");
         let outcomes = plans["outcomes"].as_object().context("no outcomes")?;
-        let counts = outcomes.values().filter_map(Value::as_u64);
-        let told: u64 = counts.sum();
-        let line = |what: &str| format!("latency: open loop, {rate} requests a second: {what}");
-        let figure = format!("{percentiles} ms; {}", plans["outcomes"]);
-        report.shown(&line("round trips of plans, and outcomes by name"), figure);
+        let count = |outcome: &str| outcomes.get(outcome).and_then(Value::as_u64).unwrap_or(0);
+        let told: u64 = outcomes.values().filter_map(Value::as_u64).sum();
         report.all_of(
-            &line("requests whose outcome is told"),
+            &self.line("requests whose outcome is told"),
             told as usize,
             requests as usize,
         );
+        let overloaded = Outcome::Overloaded.to_string();
+        let figure = plans["outcomes"].to_string();
+        let line = self.line("outcomes by name");
+        if self.is_too_much {
+            let bar = format!("`{overloaded}` more than once");
+            report.check(&line, figure, &bar, count(&overloaded) > 1);
+        } else {
+            report.shown(&line, figure);
+        }
+        Ok(())
     }
-    Ok(())
+
+    /// Percentiles of a distribution, which must all be known and rise.
+    fn percentiles(&self, report: &mut Report, plans: &Value, name: &str, what: &str) {
+        let of = |percentile: &&str| plans["times_ms"][name][percentile].as_f64();
+        let names = ["p50", "p90", "p99", "p99.9"];
+        let known: Vec<f64> = names.iter().filter_map(of).collect();
+        let rise = known.windows(2).all(|pair| pair[0] <= pair[1]);
+        let are_known = known.len() == names.len() && known.iter().all(|ms| ms.is_finite());
+        report.check(
+            &self.line(what),
+            format!("{names:?}: {known:.3?}"),
+            "all four, each at least the one before",
+            rise && are_known,
+        );
+    }
 }

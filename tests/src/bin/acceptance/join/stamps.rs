@@ -1,0 +1,210 @@
+//! What `pcc latency` tells of round trips, against what another program measures by the same requests.
+
+use std::ops::Range;
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, anyhow, ensure};
+use shared_types::clock::mono_now_ns;
+use shared_types::ipc::{
+    EventListener, EventNotifier, IpcNode, IpcOptions, PlanClient, Subscriber, event_listener,
+    event_notifier, observer_subscriber, open_plan_service, plan_answered_event, plan_asked_event,
+    plan_client, plan_record_service,
+};
+use shared_types::message::{PlanRecord, PlanRequest};
+use tests::world::{Settings, World};
+
+use super::transport::{daemon, latency};
+use crate::report::Report;
+use crate::scale::Scale;
+use crate::spread::median;
+
+/// The other program looks for an answer at least so often, as `pcc` does.
+const LONGEST_SLEEP: Duration = Duration::from_millis(2);
+/// Turns of `pcc latency` and of the other program.
+const TURNS: u64 = 5;
+/// Requests of `pcc latency` before those that count.
+const WARM_UP: usize = 50;
+/// Difference of the seeds of two turns: more than there are requests in one, so that no request comes twice.
+const SEEDS_APART: u64 = 1_000_000;
+/// How far a percentile of a histogram of three digits, and of the lower of two in the middle, may be from the median.
+const DIGITS: f64 = 5e-3;
+
+pub(super) fn run(report: &mut Report, scale: Scale) {
+    let command = "pcc latency --requests COUNT --json FILE --stamps FILE";
+    report.group("latency: another program's stamps", command, |report| {
+        stamps(report, scale)
+    });
+}
+
+/// No message tells when a client sent its request or read its answer, so that the other program stamps its own round trips of the same requests,
+/// turn by turn.
+fn stamps(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let mut stack = daemon(&Settings::default())?;
+    stack.disconnect_client();
+    let of_a_turn = scale.pick(400, 2_000);
+    let records = Records::open(&stack.world.options)?;
+    let mut other = OtherProgram::connect(&stack.world.options)?;
+    let mut turns = Vec::new();
+    for turn in 0..TURNS {
+        let told = Told::of(&stack.world, turn * SEEDS_APART, of_a_turn, &records)?;
+        let measured_ms = other.round_trips_ms(&told.requests)?;
+        turns.push((told, measured_ms));
+    }
+    let count = of_a_turn * TURNS as usize;
+    let told: usize = turns.iter().map(|(told, _)| told.planned).sum();
+    let asked: usize = turns.iter().map(|(_, measured_ms)| measured_ms.len()).sum();
+    report.all_of("latency: requests whose round trips it tells", told, count);
+    let line = "latency: of the same requests, those that another program has asked afterwards";
+    report.all_of(line, asked, count);
+    let off = |told: &Told| (told.p50_ms / median(&told.stamped_ms) - 1.0).abs();
+    report.at_most(
+        "latency: |p50 told ÷ median of its own stamps − 1|, largest of five turns",
+        turns.iter().map(|(told, _)| off(told)).fold(0.0, f64::max),
+        DIGITS,
+    );
+    let medians_ms = |(told, measured_ms): &(Told, Vec<f64>)| (told.p50_ms, median(measured_ms));
+    let medians_ms: Vec<(f64, f64)> = turns.iter().map(medians_ms).collect();
+    report.shown(
+        "latency: p50 that `pcc latency --json` tells and the other program's median of the same requests, turn by turn, ms",
+        format!("{medians_ms:.4?}"),
+    );
+    let ratios: Vec<f64> = medians_ms.iter().map(|(a, b)| a / b).collect();
+    let line = "latency: |told ÷ measured − 1| of the medians, in turns of the same requests, the median of five turns";
+    report.at_most(line, (median(&ratios) - 1.0).abs(), 0.02);
+    Ok(())
+}
+
+/// What a run of `pcc latency` tells.
+struct Told {
+    /// Median of the round trips, as `--json` has it, ms.
+    p50_ms: f64,
+    /// Requests that had candidates, of which that is.
+    planned: usize,
+    /// Round trips by its stamps, ms.
+    stamped_ms: Vec<f64>,
+    /// What it asked for, but for the warm-up.
+    requests: Vec<PlanRequest>,
+}
+
+impl Told {
+    fn of(world: &World, seed: u64, count: usize, records: &Records) -> anyhow::Result<Self> {
+        let file = world.folder().join("stamps.txt");
+        let stamps = file.display().to_string();
+        let [warm_up, count, first] = [WARM_UP.to_string(), count.to_string(), seed.to_string()];
+        let load = [
+            "--requests",
+            &count,
+            "--warm-up",
+            &warm_up,
+            "--seed",
+            &first,
+        ];
+        let arguments = [&load[..], &["--stamps", &stamps]].concat();
+        let seeds = seed..seed + SEEDS_APART;
+        let mut requests = Vec::new();
+        let measured = thread::scope(|scope| {
+            let running = scope.spawn(|| latency(world, &arguments));
+            while !running.is_finished() {
+                records.take(&seeds, &mut requests)?;
+                thread::sleep(Duration::from_millis(1));
+            }
+            records.take(&seeds, &mut requests)?;
+            running.join().expect("it does not panic")
+        })?;
+        ensure!(requests.len() > WARM_UP, "{} records came", requests.len());
+        let plans = &measured["plans"];
+        let p50_ms = plans["times_ms"]["round trip"]["p50"].as_f64();
+        Ok(Self {
+            p50_ms: p50_ms.context("no median")?,
+            planned: plans["planned"].as_u64().context("no count")? as usize,
+            stamped_ms: stamped_ms(&std::fs::read_to_string(&file)?),
+            requests: requests.split_off(WARM_UP),
+        })
+    }
+}
+
+/// Round trips of a file of stamps, ms.
+fn stamped_ms(text: &str) -> Vec<f64> {
+    let of_line = |line: &str| {
+        let stamps: Vec<f64> = line.split(' ').filter_map(|it| it.parse().ok()).collect();
+        let [_due, sent, answered] = stamps.as_slice() else {
+            return None;
+        };
+        Some((answered - sent) * 1e-6)
+    };
+    text.lines().filter_map(of_line).collect()
+}
+
+/// What the daemon says that it was asked for.
+struct Records {
+    records: Subscriber<PlanRecord>,
+    // Declared last: the node outlives its ports.
+    _node: IpcNode,
+}
+
+impl Records {
+    fn open(options: &IpcOptions) -> anyhow::Result<Self> {
+        let node = IpcNode::create(options, "stamps-records")?;
+        Ok(Self {
+            records: observer_subscriber(&node, &plan_record_service(&node)?)?,
+            _node: node,
+        })
+    }
+
+    /// Adds the requests of these seeds that have come: those of another turn may still come.
+    fn take(&self, seeds: &Range<u64>, requests: &mut Vec<PlanRequest>) -> anyhow::Result<()> {
+        let received = || self.records.receive().map_err(|error| anyhow!("{error:?}"));
+        while let Some(record) = received()? {
+            if seeds.contains(&record.request.seed) {
+                requests.push(record.request);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Another client, with nothing of ours but the ports: it sends bytes, and waits for events as `pcc` does.
+struct OtherProgram {
+    client: PlanClient,
+    asked: EventNotifier,
+    answered: EventListener,
+    // Declared last: the node outlives its ports.
+    _node: IpcNode,
+}
+
+impl OtherProgram {
+    fn connect(options: &IpcOptions) -> anyhow::Result<Self> {
+        let node = IpcNode::create(options, "stamps")?;
+        Ok(Self {
+            client: plan_client(&node, &open_plan_service(&node)?)?,
+            asked: event_notifier(&node, &plan_asked_event(&node)?)?,
+            answered: event_listener(&node, &plan_answered_event(&node)?)?,
+            _node: node,
+        })
+    }
+
+    /// Round trips of these requests, after some that do not count, ms.
+    fn round_trips_ms(&mut self, requests: &[PlanRequest]) -> anyhow::Result<Vec<f64>> {
+        for request in requests.iter().take(WARM_UP) {
+            self.round_trip_ms(request)?;
+        }
+        requests.iter().map(|it| self.round_trip_ms(it)).collect()
+    }
+
+    fn round_trip_ms(&self, request: &PlanRequest) -> anyhow::Result<f64> {
+        let begun_ns = mono_now_ns();
+        let loan = self.client.loan_uninit();
+        let loan = loan.map_err(|error| anyhow!("{error:?}"))?;
+        let pending = loan.write_payload(*request).send();
+        let pending = pending.map_err(|error| anyhow!("{error:?}"))?;
+        self.asked.notify().map_err(|error| anyhow!("{error:?}"))?;
+        loop {
+            let received = pending.receive().map_err(|error| anyhow!("{error:?}"))?;
+            if received.is_some() {
+                return Ok((mono_now_ns() - begun_ns) as f64 * 1e-6);
+            }
+            self.answered.wait(None, LONGEST_SLEEP)?;
+        }
+    }
+}
