@@ -1,6 +1,7 @@
 //! Driving a robot's motors.
 
 use std::ffi::c_char;
+use std::mem::offset_of;
 
 use client::ClientError;
 use robot_driver::{DriverSettings, RobotConnection, RobotDriver, TENDONS, TendonState};
@@ -27,6 +28,15 @@ pub struct MotorTargets {
 }
 
 const _: () = assert!(TENDONS == 9, "as the header says");
+
+// The header has the same, written from cbindgen.toml.
+const _: () = {
+    assert!(size_of::<MotorTargets>() == 224);
+    assert!(offset_of!(MotorTargets, stamp_ns) == 0);
+    assert!(offset_of!(MotorTargets, position_m) == 8);
+    assert!(offset_of!(MotorTargets, velocity_m_s) == 80);
+    assert!(offset_of!(MotorTargets, acceleration_m_s2) == 152);
+};
 
 impl From<robot_driver::MotorTargets> for MotorTargets {
     fn from(targets: robot_driver::MotorTargets) -> Self {

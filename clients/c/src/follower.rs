@@ -1,6 +1,7 @@
 //! Following trajectories in the controller's place.
 
 use std::ffi::c_char;
+use std::mem::offset_of;
 use std::path::Path;
 
 use ::controller::service::{self, ControllerConfig};
@@ -30,6 +31,17 @@ pub struct FollowedCycle {
     /// The trajectory being followed, 0 for none.
     pub trajectory_id: u32,
 }
+
+// The header has the same, written from cbindgen.toml.
+const _: () = {
+    assert!(size_of::<FollowedCycle>() == 376);
+    assert!(offset_of!(FollowedCycle, targets) == 0);
+    assert!(offset_of!(FollowedCycle, configuration_rad) == 224);
+    assert!(offset_of!(FollowedCycle, velocity_rad_s) == 272);
+    assert!(offset_of!(FollowedCycle, acceleration_rad_s2) == 320);
+    assert!(offset_of!(FollowedCycle, state) == 368);
+    assert!(offset_of!(FollowedCycle, trajectory_id) == 372);
+};
 
 /// Takes the controller's place by a configuration file like `config/controller.toml`, with motors that stand at `position_m` (9 lengths of
 /// the tendons relative to the straight robot, metres; null: all 0). Null where it fails, also where another controller is there.

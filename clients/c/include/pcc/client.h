@@ -432,3 +432,16 @@ const char *pcc_text(const char *set,
 #endif  // __cplusplus
 
 #endif  /* PCC_CLIENT_H */
+
+PCC_ASSERT(sizeof(PccMotorTargets) == 224);
+PCC_ASSERT(offsetof(PccMotorTargets, stamp_ns) == 0);
+PCC_ASSERT(offsetof(PccMotorTargets, position_m) == 8);
+PCC_ASSERT(offsetof(PccMotorTargets, velocity_m_s) == 80);
+PCC_ASSERT(offsetof(PccMotorTargets, acceleration_m_s2) == 152);
+PCC_ASSERT(sizeof(PccFollowedCycle) == 376);
+PCC_ASSERT(offsetof(PccFollowedCycle, targets) == 0);
+PCC_ASSERT(offsetof(PccFollowedCycle, configuration_rad) == 224);
+PCC_ASSERT(offsetof(PccFollowedCycle, velocity_rad_s) == 272);
+PCC_ASSERT(offsetof(PccFollowedCycle, acceleration_rad_s2) == 320);
+PCC_ASSERT(offsetof(PccFollowedCycle, state) == 368);
+PCC_ASSERT(offsetof(PccFollowedCycle, trajectory_id) == 372);
