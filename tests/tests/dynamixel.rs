@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)] // tests
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use shared_types::codes::LoopFault;
 use shared_types::valid::Goal;
@@ -102,8 +103,10 @@ fn a_line_that_is_too_slow_for_the_loop_is_said_at_the_start() {
 fn lost_and_damaged_packets_are_borne_and_a_lost_line_is_a_fault() {
     let _alone = alone();
     let mut all = driven();
-    let lossy = |faults: &mut Faults| (faults.drop_one_in, faults.damage_one_in) = (17, 23);
-    all.bank.set(lossy);
+    all.bank.set(|faults| {
+        (faults.drop_one_in, faults.damage_one_in) = (17, 23);
+        (faults.unheard_one_in, faults.garbled_one_in) = (19, 29);
+    });
     let id = all.stack.begin_motion(Goal::tip(TIP_M)).unwrap();
     let ended = all.stack.wait_for_end(id);
     ended.unwrap_or_else(|error| panic!("{error}: {}", all.driver.log()));
@@ -120,4 +123,26 @@ fn lost_and_damaged_packets_are_borne_and_a_lost_line_is_a_fault() {
         driver.log().contains("no servo answers").then_some(())
     });
     told.unwrap_or_else(|error| panic!("{error}: {}", driver.log()));
+    // Plugged in again, the line must be opened anew.
+    all.bank.set(|faults| *faults = Faults::default());
+    all.driver.sigterm(PATIENCE).unwrap();
+    all.driver = start(&all.stack.world, "dynamixel-robot", &[]);
+    all.stack.clear_fault().unwrap();
+    let id = all.stack.begin_motion(Goal::tip(TIP_M)).unwrap();
+    let ended = all.stack.wait_for_end(id);
+    ended.unwrap_or_else(|error| panic!("{error}: {}", all.driver.log()));
+}
+
+#[test]
+fn replies_that_come_in_the_next_cycle_are_borne() {
+    let _alone = alone();
+    let mut all = driven();
+    let said_before = all.driver.log().len();
+    all.bank
+        .set(|faults| faults.late = Duration::from_millis(5));
+    let id = all.stack.begin_motion(Goal::tip(TIP_M)).unwrap();
+    let ended = all.stack.wait_for_end(id);
+    ended.unwrap_or_else(|error| panic!("{error}: {}", all.driver.log()));
+    let said = all.driver.log();
+    assert!(!said[said_before..].contains("WARN"), "{said}");
 }
