@@ -249,8 +249,9 @@ impl Usual {
         side: f64,
     ) -> anyhow::Result<Self> {
         events.forget()?;
-        let begun = Instant::now();
         let mut client = start(examples, stack, side)?;
+        // Starting it looks first whether it is built.
+        let begun = Instant::now();
         heard(&events.asked).with_context(|| client.log())?;
         let joining_s = begun.elapsed().as_secs_f64();
         heard(&events.answered).with_context(|| client.log())?;

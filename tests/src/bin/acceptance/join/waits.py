@@ -10,6 +10,9 @@ import pcc
 
 WAIT_S, INTERRUPT_S, LIMIT_S = 1.0, 0.3, 20.0
 
+# A shell has what it starts in the background ignore Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 tip = [float(axis) for axis in sys.argv[1:4]]
 client, results, controller, scene = pcc.Client(), pcc.Results(), pcc.Controller(), pcc.Scene("waits")
 scene.publish([], lifetime=60.0)
