@@ -1,7 +1,7 @@
 //! BIT* (Gammell, Srinivasa and Barfoot, 2015): batches of samples, and edges between them in the order of the path that they may lead to.
 
+use super::attempt::{Attempt, nearest, neighbours};
 use super::tree::Tree;
-use super::{Attempt, nearest, neighbours};
 use pcc_model::{Configuration, Point};
 use rand_pcg::Pcg64;
 use std::cmp::Ordering;

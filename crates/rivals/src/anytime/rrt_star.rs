@@ -1,7 +1,7 @@
 //! RRT* (Karaman and Frazzoli, 2011) with as many neighbours as it needs, and samples that may lie on a shorter path alone.
 
+use super::attempt::{Attempt, nearest, neighbours};
 use super::tree::Tree;
-use super::{Attempt, nearest, neighbours};
 use pcc_model::Configuration;
 use rand::RngExt;
 use rand_pcg::Pcg64;
