@@ -147,6 +147,8 @@ class Wire:
 def in_words(types):
     """Names, bytes and alignments of types, after the protocol's version in their names."""
     types = list(types)
+    if not types:
+        return "no type"
     versions = {match[1] if (match := re.match(r"pcc\.v(\d+)\.", name)) else None for name, *_ in types}
     version = versions.pop() if len(versions) == 1 else None
     protocol = f"protocol version {version}" if version else "another protocol"

@@ -11,6 +11,7 @@ use std::os::unix::fs::PermissionsExt;
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::*;
+use shared_types::PROTOCOL_VERSION;
 use shared_types::capacity::MAX_SCENE_BALLS;
 use shared_types::ipc::*;
 use shared_types::message::*;
@@ -417,11 +418,14 @@ fn a_service_of_another_version_is_refused_with_expected_and_found() {
     let service = other.service_builder(&name).publish_subscribe::<Old>();
     let _service = service.open_or_create().unwrap();
     let error = heartbeat_service(&node).unwrap_err().to_string();
+    let version = PROTOCOL_VERSION;
     for told in [
-        "expected protocol version 6: pcc.v6.Heartbeat (32 bytes, alignment 8)",
-        "found protocol version 5: pcc.v5.Heartbeat (8 bytes, alignment 8)",
+        format!(
+            "expected protocol version {version}: pcc.v{version}.Heartbeat (32 bytes, alignment 8)"
+        ),
+        "found protocol version 5: pcc.v5.Heartbeat (8 bytes, alignment 8)".to_owned(),
     ] {
-        assert!(error.contains(told), "{error}");
+        assert!(error.contains(&told), "{error}");
     }
 }
 

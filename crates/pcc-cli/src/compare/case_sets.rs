@@ -63,12 +63,12 @@ impl CaseSet {
     pub(super) const HARD: Self = Self::Generated(&SETS[2]);
     pub(super) const OBSTACLE_FREE: Self = Self::Generated(&SETS[3]);
 
-    /// What is not in the set, as HTML; nothing where it has every case that is drawn.
-    pub(super) fn filter(name: &str) -> &'static str {
+    /// What the set of this name leaves out, as a paragraph of HTML; nothing where it has every case that is drawn.
+    pub(super) fn left_out_html(name: &str) -> &'static str {
         match name {
             "hard" => {
-                "Cases are kept only where straight segments collide and <code>rrt-connect</code> finds a path, so that its own share is high by \
-                 definition."
+                "<p>Cases are kept only where straight segments collide and <code>rrt-connect</code> finds a path, so that its own share is high by \
+                 definition.</p>"
             }
             _ => "",
         }

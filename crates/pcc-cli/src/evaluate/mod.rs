@@ -111,8 +111,9 @@ pub(crate) fn answer(
     let clock = Instant::now();
     let is_drawn_here = given.is_none() && asked.planner.sampler().is_none();
     let given = given.map(Given::Paths);
-    let given = given.or_else(|| draw(asked.planner, planner, &problem, &request));
+    let given = given.or_else(|| draw(asked.planner, planner, &case, &request));
     let drawing_s = clock.elapsed().as_secs_f64();
+    let judges_what_is_drawn = is_drawn_here && matches!(given, Some(Given::Paths(_)));
     let answered = match given {
         Some(Given::Paths(paths)) => planner.evaluate_paths(&problem, &request, paths, &|| false),
         Some(Given::Polylines(polylines)) => {
@@ -135,7 +136,11 @@ pub(crate) fn answer(
         case,
         plan,
         seconds,
-        drawing_s: if is_drawn_here { drawing_s } else { seconds },
+        drawing_s: if judges_what_is_drawn {
+            drawing_s
+        } else {
+            seconds
+        },
     })
 }
 
@@ -148,20 +153,12 @@ enum Given {
 }
 
 /// What as many attempts of a rival as there are candidates come to; nothing where the planner is none.
-fn draw(
-    name: PlannerName,
-    planner: &Planner,
-    problem: &Problem,
-    request: &Request,
-) -> Option<Given> {
-    let Goal::Tip(target) = problem.goal else {
-        return None;
-    };
+fn draw(name: PlannerName, planner: &Planner, case: &Case, request: &Request) -> Option<Given> {
     let query = Query {
         robot: planner.robot(),
-        balls: problem.scene.balls(),
-        start: problem.start,
-        target,
+        balls: case.scene.balls(),
+        start: case.start,
+        target: case.target_tip,
     };
     let rng = |index| Pcg64::new(u128::from(request.seed), index as u128);
     let indices = (0..request.candidates).into_par_iter();

@@ -18,9 +18,6 @@ pub(crate) struct Completeness {
 impl Completeness {
     /// A message has been read.
     pub(super) fn read(&mut self, topic: &str, number: u32) {
-        if !self.next.contains_key(topic) {
-            self.next.insert(topic.to_owned(), 0);
-        }
         self.expect(topic, number);
         self.next.insert(topic.to_owned(), number.wrapping_add(1));
     }
@@ -35,10 +32,14 @@ impl Completeness {
 
     fn expect(&mut self, topic: &str, number: u32) {
         let next = self.next.get(topic).copied().unwrap_or(0);
-        if number != next {
-            let last = number.wrapping_sub(1);
+        if number > next {
+            let last = number - 1;
             self.missing
                 .push(format!("messages {next} to {last} of {topic}"));
+        } else if number < next {
+            self.missing.push(format!(
+                "what comes before message {number} of {topic}, read out of order,"
+            ));
         }
     }
 

@@ -102,6 +102,9 @@ impl BitStar<'_> {
     fn begin_batch(&mut self, rng: &mut Pcg64) {
         let shortest = self.shortest();
         for _ in 0..BATCH {
+            if self.attempt.is_over(shortest) {
+                break;
+            }
             let drawn = self.attempt.sample(shortest, &self.tree.nodes, rng);
             drawn.into_iter().for_each(|sample| self.add(sample));
         }

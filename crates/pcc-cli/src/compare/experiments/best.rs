@@ -10,6 +10,7 @@ use crate::compare::figures::median;
 use crate::evaluate::{Asked, answer};
 use crate::planner::Loaded;
 use crate::sampler::{PlannerName, name_of};
+use anyhow::Context;
 use datasets::Case;
 use pcc_model::Configuration;
 use planning::{Candidate, MOST_CORRECTIONS, Selection, select};
@@ -150,10 +151,9 @@ fn of_all(
         let plan = answer.plan.as_ref().ok();
         best.push(plan.and_then(|plan| best_of(&plan.candidates, &case.start)));
     }
-    times_ms.sort_by(f64::total_cmp);
     Ok(Measured {
         candidates,
-        request_ms: times_ms[times_ms.len() / 2],
+        request_ms: median(times_ms.into_iter()).context("no cases")?,
         best,
     })
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use serde_json::Value;
 use tests::programs::repository;
 
@@ -23,6 +23,8 @@ const GENERAL: Unseen = Unseen {
     ..fast_cases::GENERAL
 };
 
+/// Damaged copies of a folder's first motion.
+const DAMAGES: f64 = 5.0;
 /// Planners that end by the clock: another run makes other motions.
 const BY_THE_CLOCK: [&str; 2] = ["rrt-star", "bit-star"];
 
@@ -83,8 +85,14 @@ impl Judged {
         let last = last.with_context(|| format!("the checker says nothing: {error}"))?;
         eprintln!("  {}: {last}", folder.display());
         let verdict: Value = serde_json::from_str(last)?;
-        self.motions += number(&verdict, "/judged")?;
-        self.damaged += number(&verdict, "/damaged")?;
+        let (motions, damaged) = (number(&verdict, "/judged")?, number(&verdict, "/damaged")?);
+        ensure!(
+            motions == 0.0 || damaged == DAMAGES,
+            "{}: {damaged} damaged copies",
+            folder.display()
+        );
+        self.motions += motions;
+        self.damaged += damaged;
         self.unnoticed += number(&verdict, "/unnoticed")?;
         let texts = text.lines().filter(|line| line.starts_with("  "));
         let of_folder = texts.map(|text| format!("{}: {text}", folder.display()));
@@ -98,7 +106,7 @@ impl Judged {
         let (judged, damaged) = (self.motions, self.damaged);
         report.check("motions judged", judged.to_string(), "> 0", judged > 0.0);
         report.check(
-            "damaged copies of motions (start, limits, bending, target, contact) that are contradicted",
+            "damaged copies of motions (start, limits, bending, target, contact) in which that is found",
             format!("{} of {damaged}", damaged - self.unnoticed),
             "all, > 0",
             damaged > 0.0 && self.unnoticed == 0.0,

@@ -13,7 +13,7 @@ use crate::scale::Scale;
 const COMMAND: &str = "pcc compare";
 /// Candidates, or attempts, of every case.
 const ATTEMPTS: f64 = 10.0;
-/// Figures of every planner, with their scales and digits: without a value where nothing is certified, the last four.
+/// Figures of every planner, with their scales and digits.
 const FIGURES: [(&str, f64, usize); 7] = [
     ("success", 100.0, 1),
     ("certified", 100.0, 1),

@@ -54,7 +54,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         let length = |result: &Value| number(result, "/tip_length_ratio/median");
         let (own, other) = (length(&connect)?, length(&ompl)?);
         report.check(
-            "tip length ÷ distance, median: rrt-connect beside OMPL's simplified paths, both corrected and not smoothed",
+            "tip length ÷ distance, median: rrt-connect beside OMPL's simplified paths, neither smoothed",
             format!("{own:.3} beside {other:.3}"),
             "no longer",
             own <= other,
