@@ -266,7 +266,7 @@ fn a_successor_with_more_capacity_is_served_once_the_client_looks_again() {
     first.kill();
     let text = world.process("daemon_process", "3").error_output();
     assert!(
-        text.contains("exists with other types or capacities"),
+        text.contains("exists with other capacities, the types being the same"),
         "{text}"
     );
     client
