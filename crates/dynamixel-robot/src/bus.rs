@@ -142,6 +142,18 @@ impl ServoBus {
         Ok(read)
     }
 
+    /// Four bytes of one servo.
+    pub(crate) fn read_u32_of(&mut self, tendon: usize, register: u16) -> Result<u32, BusError> {
+        let id = self.ids[tendon];
+        let read = self.bus.read_u32(id, register);
+        read.map(|read| read.data)
+            .map_err(|source| BusError::Servo {
+                id,
+                what: "four bytes read",
+                source,
+            })
+    }
+
     /// Why a servo is in error, by its hardware error status.
     pub(crate) fn hardware_error(&mut self, tendon: usize) -> Result<u8, BusError> {
         let id = self.ids[tendon];

@@ -66,6 +66,8 @@ struct Process {
     health: Health,
     told: MotorFault,
     mark: u32,
+    /// Servos that were silent and whose marks have not been read since: they may have been without power.
+    marks_due: [bool; TENDONS],
     slack: u16,
     lag_s: f64,
     /// Time within a cycle by which answers count.
@@ -119,6 +121,7 @@ pub fn run(
         health: Health::new(bus.count(), silent_after, Instant::now()),
         told: MotorFault::None,
         mark: home.mark,
+        marks_due: [false; TENDONS],
         slack: config.slack,
         lag_s: config.lag_s,
         answers_by,
@@ -231,22 +234,27 @@ impl Process {
             spools,
             health,
             measured_m,
+            marks_due,
             ..
         } = self;
         let tendons = &self.turns[self.cycle % self.turns.len()];
         self.cycle += 1;
         bus.send_goals(&self.goals)?;
         bus.ask_for_states(tendons)?;
-        let mut returned = None;
         bus.receive_states(tendons.len(), deadline, |tendon, state: ServoState| {
             measured_m[tendon] = spools.length_m(tendon, state.position);
             let is_slack = state.current.unsigned_abs() < self.slack;
-            if health.hear(Instant::now(), tendon, state.is_in_error, is_slack) {
-                returned = Some(tendon);
-            }
+            marks_due[tendon] |= health.hear(Instant::now(), tendon, state.is_in_error, is_slack);
         });
-        if returned.is_some() && bus.read_u32(SCRATCH)?.iter().any(|mark| *mark != self.mark) {
-            health.lose_home();
+        // An answer that is lost is asked for again in the next cycle; a line that is lost says so when goals are written.
+        let due = marks_due.iter().position(|is_due| *is_due);
+        if let Some(tendon) = due
+            && let Ok(mark) = bus.read_u32_of(tendon, SCRATCH)
+        {
+            marks_due[tendon] = false;
+            if mark != self.mark {
+                health.lose_home();
+            }
         }
         Ok(())
     }
