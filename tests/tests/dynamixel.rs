@@ -103,10 +103,8 @@ fn a_line_that_is_too_slow_for_the_loop_is_said_at_the_start() {
 fn lost_and_damaged_packets_are_borne_and_a_lost_line_is_a_fault() {
     let _alone = alone();
     let mut all = driven();
-    all.bank.set(|faults| {
-        (faults.drop_one_in, faults.damage_one_in) = (17, 23);
-        (faults.unheard_one_in, faults.garbled_one_in) = (19, 29);
-    });
+    all.bank
+        .set(|faults| (faults.drop_one_in, faults.damage_one_in) = (17, 23));
     let id = all.stack.begin_motion(Goal::tip(TIP_M)).unwrap();
     let ended = all.stack.wait_for_end(id);
     ended.unwrap_or_else(|error| panic!("{error}: {}", all.driver.log()));
