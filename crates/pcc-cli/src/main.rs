@@ -3,6 +3,7 @@
 #[macro_use]
 mod output;
 
+mod averages;
 mod bootstrap;
 mod command_line;
 mod compare;

@@ -1,6 +1,7 @@
 //! Figures of a planner over some cases, and of pairs of planners case by case.
 
 use super::case_log::{CaseRecord, MotionRecord};
+use crate::averages::{mean, median};
 use crate::bootstrap::{Interval, interval};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -175,38 +176,4 @@ fn medians(
 ) -> Option<[f64; 2]> {
     let own = median(own.motions.iter().map(figure))?;
     Some([own, median(other.motions.iter().map(figure))?])
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
-    (count > 0).then(|| sum / f64::from(count))
-}
-
-/// The mean of the two middle values where their number is even.
-pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    let half = values.len() / 2;
-    if values.is_empty() {
-        return None;
-    }
-    let is_even = values.len().is_multiple_of(2);
-    let (lower, upper, _) = values.select_nth_unstable_by(half, f64::total_cmp);
-    let below = lower.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    Some(if is_even {
-        0.5 * (below + *upper)
-    } else {
-        *upper
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn medians_are_those_of_sorted_values() {
-        assert_eq!(median([3.0, 1.0, 2.0].into_iter()), Some(2.0));
-        assert_eq!(median([4.0, 1.0, 3.0, 2.0].into_iter()), Some(2.5));
-        assert_eq!(median(std::iter::empty()), None);
-    }
 }

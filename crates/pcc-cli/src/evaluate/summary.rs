@@ -2,6 +2,7 @@
 
 use super::answer::Answer;
 use super::arguments::Arguments;
+use crate::averages::mean;
 use crate::bootstrap::{Interval, interval};
 use crate::planner::ModelRecords;
 use crate::sampler::name_of;
@@ -80,13 +81,10 @@ impl Sampled {
         let successful = all.clone().filter(|v| v.is_success());
         let plans = answers.iter().filter_map(|a| a.plan.as_ref().ok());
         let by_balls = success_by_balls(answers, &sampled, arguments.candidates);
-        let mean = |cases: &[&f64]| {
-            let sum: f64 = cases.iter().copied().sum();
-            Some(sum / cases.len() as f64)
-        };
+        let of_cases = |cases: &[&f64]| mean(cases.iter().map(|share| **share));
         let intervals = by_balls
             .iter()
-            .map(|(balls, cases)| (*balls, interval(cases, mean)));
+            .map(|(balls, cases)| (*balls, interval(cases, of_cases)));
         let intervals: BTreeMap<usize, Interval> = intervals.collect();
         let shares = intervals
             .iter()

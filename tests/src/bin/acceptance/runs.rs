@@ -152,7 +152,7 @@ impl Unseen {
     /// Its name in the lines: hard scenes are drawn until a planner solves them.
     pub(crate) fn title(&self) -> &'static str {
         match self.setting {
-            "hard" => "hard (drawn such that segments collide and rrt-connect finds a path)",
+            "hard" => title_of(self.setting),
             _ => self.name,
         }
     }
@@ -188,6 +188,14 @@ impl Unseen {
         arguments.extend(["--starts", &starts, "--ends", &ends]);
         make_dataset(&arguments, &out)?;
         Ok(out)
+    }
+}
+
+/// The name of a set in the lines, with what it leaves out.
+pub(crate) fn title_of(set: &str) -> &str {
+    match set {
+        "hard" => "hard (drawn such that segments collide and rrt-connect finds a path)",
+        _ => set,
     }
 }
 

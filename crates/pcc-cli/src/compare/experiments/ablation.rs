@@ -2,6 +2,7 @@
 
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
+use crate::averages;
 use crate::compare::case_log::{CaseRecord, DrawnRecord};
 use crate::compare::case_sets::CaseSet;
 use crate::compare::drawing::{Bar, Bars, COLOURS};
@@ -102,8 +103,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
 fn changes(scenes: &str, set: &SetRecords, paper: &Paper) -> anyhow::Result<String> {
     let [success, tip_error, time, _] = PANELS.map(|(_, _, values)| values);
     let mean = |planner, values: fn(&CaseRecord) -> Vec<f64>| -> anyhow::Result<f64> {
-        let values: Vec<f64> = set.of(planner)?.iter().flat_map(values).collect();
-        Ok(values.iter().sum::<f64>() / values.len() as f64)
+        Ok(averages::mean(set.of(planner)?.iter().flat_map(values)).unwrap_or(f64::NAN))
     };
     let change = |planner, values| -> anyhow::Result<f64> {
         Ok(100.0 * (mean(planner, values)? / mean(PlannerName::Diffusion, values)? - 1.0))

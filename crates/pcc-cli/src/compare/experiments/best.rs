@@ -2,11 +2,11 @@
 
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
+use crate::averages::median;
 use crate::bootstrap::interval;
 use crate::compare::case_sets::{CaseSet, hash_of};
 use crate::compare::charts::named_rows;
 use crate::compare::figure_name::FigureName;
-use crate::compare::figures::median;
 use crate::evaluate::{Asked, answer};
 use crate::planner::Loaded;
 use crate::sampler::{PlannerName, name_of};

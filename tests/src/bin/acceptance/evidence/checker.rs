@@ -116,13 +116,15 @@ impl Judged {
 
 /// How many certified motions a planner has in a set of the comparison.
 fn certified_in(compared: &Value, set: &str, planner: &str) -> anyhow::Result<u64> {
-    let named = |list: &'_ Value, key: &str, name: &str| -> anyhow::Result<Value> {
-        let list = list.as_array().context("no list")?;
-        let found = list.iter().find(|it| it[key] == name);
-        found.cloned().with_context(|| format!("no {name}"))
-    };
     let set = named(&compared["sets"], "set", set)?;
     let of_planner = named(&set["planners"], "planner", planner)?;
-    let asked = number(&set, "/cases")? * number(compared, "/candidates")?;
-    Ok((number(&of_planner, "/all/certified/value")? * asked).round() as u64)
+    let asked = number(set, "/cases")? * number(compared, "/candidates")?;
+    Ok((number(of_planner, "/all/certified/value")? * asked).round() as u64)
+}
+
+/// What has a name in a list.
+fn named<'a>(list: &'a Value, key: &str, name: &str) -> anyhow::Result<&'a Value> {
+    let list = list.as_array().context("no list")?;
+    let found = list.iter().find(|it| it[key] == name);
+    found.with_context(|| format!("no {name}"))
 }

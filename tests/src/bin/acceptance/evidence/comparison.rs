@@ -7,7 +7,7 @@ use anyhow::{Context, ensure};
 use serde_json::Value;
 
 use crate::report::Report;
-use crate::runs::{folder, number, run_pcc};
+use crate::runs::{folder, number, run_pcc, title_of};
 use crate::scale::Scale;
 
 const COMMAND: &str = "pcc compare";
@@ -75,7 +75,7 @@ fn show(report: &mut Report, scale: Scale, set: &Value) -> anyhow::Result<()> {
     let planners = set["planners"].as_array().context("no planners")?;
     let (cases, bar) = (number(set, "/cases")?, scale.pick(10.0, 250.0));
     report.check(
-        &format!("{}: cases", title(name)),
+        &format!("{}: cases", title_of(name)),
         cases.to_string(),
         &format!(">= {bar}"),
         cases >= bar,
@@ -120,14 +120,6 @@ fn text_of(planner: &Value, (key, scale, digits): (&str, f64, usize)) -> String 
         value.map_or_else(|| "–".to_owned(), |it| format!("{:.digits$}", scale * it))
     };
     format!("{} [{}, {}]", of("value"), of("low"), of("high"))
-}
-
-/// A set's name, with what is not in it.
-fn title(name: &str) -> &str {
-    match name {
-        "hard" => "hard (drawn such that segments collide and rrt-connect finds a path)",
-        _ => name,
-    }
 }
 
 /// Whether the page names, for each pair of planners, what `fast` is behind in and what it is ahead in by the intervals.

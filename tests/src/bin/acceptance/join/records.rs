@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::BufWriter;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
@@ -48,8 +49,14 @@ fn records(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let killed = killed(report, &mut stack)?;
     // The motion's plan, and at least one to the goal that stays.
     let least = requests.parse::<usize>()? + 2;
-    by_another_reader(report, "whole", &whole, least, usize::MAX)?;
-    by_another_reader(report, "of a killed recorder", &killed, KILLED, KILLED)
+    by_another_reader(report, "whole", &whole, least..=usize::MAX, true)?;
+    by_another_reader(
+        report,
+        "of a killed recorder",
+        &killed,
+        KILLED..=KILLED,
+        false,
+    )
 }
 
 /// Plans of a file by the MCAP reader of another project; it may end early where its recorder was killed.
@@ -57,10 +64,10 @@ fn by_another_reader(
     report: &mut Report,
     name: &str,
     file: &Path,
-    least: usize,
-    most: usize,
+    expected: RangeInclusive<usize>,
+    is_whole: bool,
 ) -> anyhow::Result<()> {
-    let is_whole = least != most;
+    let least = expected.start();
     let counts = counted_by_another_reader(file, is_whole)?;
     let plans = counts.get("plan_record").copied().unwrap_or_default();
     let bar = match is_whole {
@@ -72,7 +79,7 @@ fn by_another_reader(
         &format!("records: a file {name}, as the MCAP reader of another project reads it: plans"),
         format!("{plans} of {counts:?}"),
         &bar,
-        (least..=most).contains(&plans)
+        expected.contains(&plans)
             && has("/picture")
             && has("cycle")
             && has("/message_counts") == is_whole,
