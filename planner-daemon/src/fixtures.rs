@@ -48,6 +48,7 @@ pub(crate) fn request() -> Request {
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,
         previous: None,
+        followed: None,
     }
 }
 
@@ -66,6 +67,7 @@ pub(crate) fn task() -> PlanTask {
         via: Vec::new(),
         ahead: Vec::new(),
         appends: false,
+        moves_end: false,
         deadline: Duration::from_millis(20),
         tip_tolerance: 0.01,
         selection: valid::SelectionRule::Best(Selection::ShortestTime),

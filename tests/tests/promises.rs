@@ -136,6 +136,7 @@ fn delivered_candidates_keep_every_promise() {
                 corrections: MOST_CORRECTIONS,
                 start_motion: None,
                 previous: None,
+                followed: None,
             };
             let answer = planner.plan(&problem, &request, &|| false).unwrap();
             for candidate in &answer.candidates {

@@ -11,6 +11,7 @@ mod goal_set;
 mod joining;
 mod learned;
 mod missing_goals;
+mod moved_end;
 mod previous_plan;
 pub(crate) mod route;
 pub(crate) mod selection;

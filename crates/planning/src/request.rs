@@ -5,7 +5,7 @@ use crate::plan::Candidate;
 use codes::Sampler;
 use pcc_model::{Configuration, SECTIONS};
 use std::sync::Arc;
-use trajectory::Knot;
+use trajectory::{Knot, Trajectory};
 
 /// How differential kinematics refines the paths of the diffusion model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,6 +82,9 @@ pub struct Request {
     pub start_motion: Option<StartMotion>,
     /// The plan to go on from; read by [`Sampler::Default`] and [`Sampler::Fast`].
     pub previous: Option<Arc<PreviousPlan>>,
+    /// What is left of the motion that a robot in motion follows, from the start on: where moving its end a little reaches the goal within
+    /// the limits, that motion alone is the plan.
+    pub followed: Option<Arc<Trajectory>>,
 }
 
 /// Asked between the steps of planning a request; true truncates it.

@@ -12,6 +12,7 @@ use super::answer::Answer;
 use super::asker::{Asker, AskerId};
 use super::in_flight::Queued;
 use super::refusal::Refusal;
+use super::request_validator::PlanTask;
 use super::service::Service;
 
 impl Service {
@@ -59,7 +60,10 @@ impl Service {
             }
         };
         let task = match self.validator.validate(&request, &self.plans) {
-            Ok(task) => task,
+            Ok(task) => PlanTask {
+                moves_end: self.goal.keeper.follows_target(),
+                ..task
+            },
             Err(refusal) => return self.refuse(&asker, 0, &refusal),
         };
         let queued = Queued {

@@ -77,7 +77,11 @@ impl IdleWarmUp {
         }
         let tells_early = request.sampler == Sampler::Default && problem.moving.is_empty();
         if request.start_motion.is_some() && tells_early && !has_via {
-            self.last_in_motion = Some((Arc::clone(problem), request.clone()));
+            let request = Request {
+                followed: None,
+                ..request.clone()
+            };
+            self.last_in_motion = Some((Arc::clone(problem), request));
         }
         self.planned = Instant::now();
     }

@@ -344,7 +344,10 @@ impl Service {
         selected: Option<&Candidate>,
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let requested_mono_ns = in_flight.queued.task.requested_mono_ns?;
-        if let (PlanBegin::AtSwitch(_), Some(kind)) = (in_flight.begin, in_flight.kind) {
+        let is_moved_end = selected.is_some_and(|it| in_flight.queued.task.is_moved_end(it));
+        if let (PlanBegin::AtSwitch(_), Some(kind), false) =
+            (in_flight.begin, in_flight.kind, is_moved_end)
+        {
             self.lead_times.note(kind, in_flight.begin_chosen.elapsed());
         }
         let published = self.publish_selected(in_flight, selected, requested_mono_ns);

@@ -6,11 +6,12 @@ use std::time::Duration;
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, SECTIONS, UnitRobot};
 use planning::{
-    Goal, MOST_CORRECTIONS, MovingObstacles, PreviousPlan, Problem, Request, StartMotion, Via,
+    Candidate, Goal, MOST_CORRECTIONS, MovingObstacles, PreviousPlan, Problem, Request,
+    StartMotion, Via,
 };
 use shared_types::capacity::MAX_KNOTS;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{PlanField, Selection, StartKind};
+use shared_types::codes::{PlanField, Selection, Source, StartKind};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::valid::{self, PlanRequest, SelectionRule};
 use trajectory::STOPPING_KNOTS;
@@ -57,6 +58,8 @@ pub(crate) struct PlanTask {
     pub(crate) ahead: Vec<Via>,
     /// Whether its goals are reached after those ahead.
     pub(crate) appends: bool,
+    /// Whether the end of the motion that is followed is moved to the goal where it can be.
+    pub(crate) moves_end: bool,
     /// Time that the answer may take.
     pub(crate) deadline: Duration,
     /// Distance from the goal that counts as reached, section lengths.
@@ -91,6 +94,11 @@ impl MostKnots {
 }
 
 impl PlanTask {
+    /// Whether a candidate is the motion that is followed with its end moved: of its time nothing can be learned for other plans.
+    pub(super) fn is_moved_end(&self, candidate: &Candidate) -> bool {
+        self.request.followed.is_some() && candidate.source == Source::Kept
+    }
+
     /// Whether it goes through several goals.
     pub(super) fn has_several_goals(&self) -> bool {
         self.appends || !self.via.is_empty()
@@ -151,6 +159,7 @@ impl RequestValidator {
             via: asked.via.iter().map(|goal| self.via(goal)).collect(),
             ahead: Vec::new(),
             appends: asked.start == StartKind::AfterGoals,
+            moves_end: false,
             deadline: asked.deadline.unwrap_or(self.default_deadline),
             tip_tolerance: match self.planner {
                 PlannerKind::Pcc => tip_tolerance(&asked.goal, &self.robot),
@@ -234,6 +243,7 @@ impl RequestValidator {
                 acceleration: asked.start_acceleration_rad_s2.into(),
             }),
             previous: previous.map(Arc::new),
+            followed: None,
         }
     }
 }

@@ -41,6 +41,10 @@ pub(super) fn begin_at_robot(
                 acceleration: switch.state.acceleration,
             };
             set_start(task, switch.state.position, Some(motion));
+            if task.moves_end && !followed.is_blocked {
+                let left = followed.motion.left_from(switch.path_time_s);
+                task.request.followed = left.map(Arc::new);
+            }
             Ok(Some(switch))
         }
         RobotMotion::Busy { passes: true, .. } => Err(NotReady::Passes(not_ready(robot))),

@@ -107,6 +107,7 @@ pub(crate) fn answer(
         corrections: asked.corrections,
         start_motion: None,
         previous: None,
+        followed: None,
     };
     let clock = Instant::now();
     let is_drawn_here = given.is_none() && asked.planner.sampler().is_none();

@@ -10,7 +10,7 @@ use crate::pipeline::context::{Drawn, RequestContext};
 use crate::pipeline::goal_set::{GoalSet, goal_set};
 use crate::pipeline::joining::{JoinedSegments, Joining, Late};
 use crate::pipeline::previous_plan::kept_path;
-use crate::pipeline::{default, fast, straight_line, trees, whole_paths};
+use crate::pipeline::{default, fast, moved_end, straight_line, trees, whole_paths};
 use crate::plan::{Candidate, Draw, Failure, Plan};
 use crate::request::{EarlySelection, Guidance, StartMotion, Supervision, ToBeDone};
 use crate::stage_times::StageTimes;
@@ -91,6 +91,9 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         supervision,
         ..
     } = *context;
+    if let Some(draw) = moved_end::draw(context) {
+        return Ok(plan_of(vec![draw].into(), StageTimes::default()));
+    }
     let braking = Braking::new(&context.constraints, &motion.state_in(&problem.start))?;
     let (after, shorter) = braking.what_follows(problem, request);
     let report_whole = |candidate: Candidate| {

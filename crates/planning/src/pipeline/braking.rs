@@ -71,6 +71,7 @@ impl<'a> Braking<'a> {
         };
         let request = Request {
             knots: knots_after_braking(request.knots),
+            followed: None,
             ..request.clone()
         };
         (problem, request)

@@ -80,6 +80,7 @@ fn plan(
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,
         previous: None,
+        followed: None,
     };
     let Ok(plan) = planner.plan(&problem, &request, &|| false) else {
         return Ok(None);
