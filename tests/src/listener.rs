@@ -81,7 +81,7 @@ impl Heard {
 }
 
 /// Listens in a thread of its own until dropped: at a real-time priority where the system permits one, since the services keep
-/// no more than 8 ms for it.
+/// no more than 32 ms for it.
 #[derive(Debug)]
 pub struct Listener {
     heard: Arc<Mutex<Heard>>,

@@ -198,7 +198,7 @@ fn topic_recorders(node: &IpcNode, file: &mut McapFile) -> anyhow::Result<Vec<To
     Ok(all)
 }
 
-/// Services whose messages have numbers. All are needed but the robot's states, of which 8 ms wait.
+/// Services whose messages have numbers. All are needed but the robot's states, of which 32 ms wait at 1 kHz.
 fn numbered(node: &IpcNode, file: &mut McapFile) -> anyhow::Result<Vec<TopicRecorder>> {
     let number = Some((|it| it.sequence) as fn(&PlanRecord) -> u64);
     let plans = topic(

@@ -14,8 +14,8 @@ use planning::{
     select,
 };
 use shipped::planner;
-use std::sync::{Arc, Mutex};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use trajectory::{Knot, State, Trajectory, limit_use};
 
 fn plan_selecting_early(
@@ -139,9 +139,14 @@ fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
     }
 }
 
-/// A request for a tip goal that has moved by so many section lengths since the motion that is followed was planned to it.
+/// A request for a tip goal that has moved by so many section lengths since the motion that is followed was planned to it, which leaves some
+/// of the limits.
 fn following_a_target(planner: &Planner, scene: Scene, by: f64) -> (Problem, Request) {
-    let first = plan(planner, &problem(), &request());
+    let gentle = Request {
+        limits_scale: 0.7,
+        ..request()
+    };
+    let first = plan(planner, &problem(), &gentle);
     let motion = &selected(&first).trajectory;
     let left = motion.left_from(0.4 * motion.duration()).unwrap();
     let target = planner.robot().tip(&left.end()) + Point::new(0.6, 0.8, 0.0) * by;
@@ -186,7 +191,9 @@ fn an_end_that_cannot_be_moved_is_planned_anew() {
     let planner = planner(1);
     let (moving, in_motion) = following_a_target(&planner, Scene::default(), 0.01);
     let followed = in_motion.followed.as_ref().unwrap();
-    let tip = planner.robot().tip(&followed.at(0.5 * followed.duration()).position);
+    let tip = planner
+        .robot()
+        .tip(&followed.at(0.5 * followed.duration()).position);
     let in_the_way = Scene::new(vec![Ball {
         centre: tip,
         radius: 0.1,

@@ -101,25 +101,28 @@ pub(super) const TRAJECTORY: TopicSettings = TopicSettings {
     buffer: 4,
     ..ONE_PUBLISHER
 };
-/// `setpoint`: one publisher.
+/// `setpoint`: one publisher; the buffer holds 32 ms at 1 kHz, so that who records misses none where it is kept from running.
 pub(super) const SETPOINT: TopicSettings = TopicSettings {
     name: "setpoint",
     from: "controller's loop",
+    buffer: 32,
     ..ONE_PUBLISHER
 };
-/// `robot_state`: one publisher.
+/// `robot_state`: one publisher; the buffer holds 32 ms at 1 kHz.
 pub(super) const ROBOT_STATE: TopicSettings = TopicSettings {
     name: "robot_state",
     from: "robot",
     subscribers: 32,
     reserved_subscribers: 8,
     history: 1,
+    buffer: 32,
     ..ONE_PUBLISHER
 };
 /// `controller_state`: one publisher.
 pub(super) const CONTROLLER_STATE: TopicSettings = TopicSettings {
     name: "controller_state",
     from: "controller's relay",
+    buffer: 8,
     ..ROBOT_STATE
 };
 /// `motion_result`: one publisher; who comes late gets the last eight.
