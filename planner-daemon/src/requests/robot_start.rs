@@ -104,6 +104,7 @@ fn set_start(task: &mut PlanTask, start: Configuration, motion: Option<StartMoti
     task.request = Request {
         knots: task.knots.of(motion.is_some()),
         start_motion: motion,
+        followed: None,
         ..task.request.clone()
     };
 }
@@ -183,6 +184,30 @@ mod tests {
         let holding = RobotMotion::Holding(Configuration::zeros());
         begin_at_robot(&mut appended, &holding, LEAD, 0).unwrap();
         assert!(appended.ahead.is_empty());
+    }
+
+    #[test]
+    fn what_is_left_of_a_motion_belongs_to_the_start_that_was_set_last() {
+        let mut task = task();
+        task.moves_end = true;
+        let mut followed = FollowedMotion {
+            is_blocked: false,
+            trajectory_id: 7,
+            motion: Arc::new(motion()),
+            goals: Arc::default(),
+            time_s: 0.1,
+            rate: 1.0,
+            fastest_rate: 1.0,
+            state_mono_ns: 0,
+        };
+        let robot = RobotMotion::Following(followed.clone());
+        begin_at_robot(&mut task, &robot, LEAD, 0).unwrap();
+        let left = task.request.followed.clone().unwrap();
+        assert_eq!(left.knots()[0].position, task.problem.start);
+        followed.is_blocked = true;
+        let robot = RobotMotion::Following(followed);
+        begin_at_robot(&mut task, &robot, 2 * LEAD, 0).unwrap();
+        assert!(task.request.followed.is_none());
     }
 
     #[test]
