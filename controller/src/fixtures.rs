@@ -101,12 +101,7 @@ pub(crate) fn joined_motion(id: u32, left: &Motion, switch_s: f64, to: Configura
     let robot = unit_robot();
     let (tendons, limits) = (&robot.tendons, &robot.tendon_limits);
     let at = evaluate(&left.knots, &mut 0, switch_s);
-    let state = Knot {
-        time: 0.0,
-        position: at.position,
-        velocity: at.velocity,
-        acceleration: at.acceleration,
-    };
+    let state = Knot::of(0.0, &at);
     let stop = stopping_motion(&state, tendons, limits).unwrap();
     let start = MovingStart {
         state,

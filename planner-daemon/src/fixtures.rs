@@ -12,6 +12,7 @@ use planning::{
 use shared_types::{message, valid};
 use trajectory::Trajectory;
 
+use crate::execution::FollowedMotion;
 use crate::requests::{MostKnots, PlanTask};
 
 /// The shipped unit robot.
@@ -87,6 +88,20 @@ pub(crate) fn candidate() -> Candidate {
 /// Its motion.
 pub(crate) fn motion() -> Trajectory {
     Arc::unwrap_or_clone(candidate().trajectory)
+}
+
+/// A robot that follows it, 0.1 s after its begin.
+pub(crate) fn followed() -> FollowedMotion {
+    FollowedMotion {
+        is_blocked: false,
+        trajectory_id: 7,
+        motion: Arc::new(motion()),
+        goals: Arc::default(),
+        time_s: 0.1,
+        rate: 1.0,
+        fastest_rate: 1.0,
+        state_mono_ns: 0,
+    }
 }
 
 /// A validated controller's state with some changes to zero.

@@ -34,12 +34,7 @@ fn plan_selecting_early(
 
 /// A state as the first knot of a motion.
 fn knot_at(state: &State) -> Knot {
-    Knot {
-        time: 0.0,
-        position: state.position,
-        velocity: state.velocity,
-        acceleration: state.acceleration,
-    }
+    Knot::of(0.0, state)
 }
 
 /// The candidate that takes the shortest time.

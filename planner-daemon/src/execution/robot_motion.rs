@@ -155,13 +155,7 @@ impl FollowedMotion {
 
     /// Its state at a path time, as the first knot of a motion that leaves it.
     fn state_after(&self, path_time_s: f64) -> Knot {
-        let state = self.motion.at(path_time_s);
-        Knot {
-            time: 0.0,
-            position: state.position,
-            velocity: state.velocity,
-            acceleration: state.acceleration,
-        }
+        Knot::of(0.0, &self.motion.at(path_time_s))
     }
 }
 
@@ -182,21 +176,15 @@ fn clear_of_knots(knots: &[Knot], earliest_s: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixtures::motion;
+    use crate::fixtures;
     use planning::Goal;
 
     const NOW: i64 = 5_000_000_000;
 
     fn followed() -> FollowedMotion {
         FollowedMotion {
-            trajectory_id: 7,
-            motion: Arc::new(motion()),
-            goals: Arc::default(),
-            is_blocked: false,
-            time_s: 0.1,
-            rate: 1.0,
-            fastest_rate: 1.0,
             state_mono_ns: NOW - 10_000_000,
+            ..fixtures::followed()
         }
     }
 
@@ -231,7 +219,7 @@ mod tests {
             ..followed()
         };
         let lead = Duration::from_millis(5);
-        let end_s = motion().duration();
+        let end_s = followed().motion.duration();
         let switch = |times_s: &[f64]| with(times_s).switch_between_goals(lead, NOW).unwrap();
         // The robot can be at 0.115 s when the motion is joined.
         let (early, ahead) = switch(&[0.1, 0.9, end_s]);

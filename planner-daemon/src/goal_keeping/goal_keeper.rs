@@ -243,7 +243,7 @@ impl GoalKeeper {
         }
     }
 
-    /// Whether the goal that the plan in work is made for is a target that moves.
+    /// Whether the goal is a target that moves.
     pub(crate) fn follows_target(&self) -> bool {
         let newest = self.kept.as_ref().map(|kept| &kept.newest);
         newest.is_some_and(|goal| goal.tip_velocity_m_s != [0.0; 3])

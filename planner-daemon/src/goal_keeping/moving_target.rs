@@ -80,13 +80,11 @@ fn lag_s(to_target: &Point, velocity: &Point) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use pcc_model::Configuration;
 
     use super::*;
     use crate::execution::FollowedMotion;
-    use crate::fixtures::{motion, unit_robot};
+    use crate::fixtures::{followed, motion, unit_robot};
 
     const MS: i64 = 1_000_000;
     const STAMP: i64 = 5_000 * MS;
@@ -124,14 +122,9 @@ mod tests {
 
     fn following(time_s: f64) -> RobotMotion {
         RobotMotion::Following(FollowedMotion {
-            is_blocked: false,
-            trajectory_id: 7,
-            motion: Arc::new(motion()),
-            goals: Arc::default(),
             time_s,
-            rate: 1.0,
-            fastest_rate: 1.0,
             state_mono_ns: i64::MAX,
+            ..followed()
         })
     }
 

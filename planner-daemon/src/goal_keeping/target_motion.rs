@@ -11,7 +11,7 @@ const REMEMBERED_NS: i64 = 600_000_000;
 const BETWEEN_NS: i64 = 8_000_000;
 /// Time over which a target's turn is measured, nanoseconds.
 const TURN_NS: i64 = 200_000_000;
-/// Time ahead for which both ways to foresee a target are judged, nanoseconds: about as far ahead as it is aimed at.
+/// Time ahead for which both ways to foresee a target are judged, nanoseconds.
 const JUDGED_NS: i64 = 400_000_000;
 /// Share of a new judgement in the mean of all.
 const JUDGEMENT_SHARE: f64 = 0.05;

@@ -113,7 +113,7 @@ fn set_start(task: &mut PlanTask, start: Configuration, motion: Option<StartMoti
 mod tests {
     use super::*;
     use crate::execution::TimedGoal;
-    use crate::fixtures::{motion, task};
+    use crate::fixtures::{followed, motion, task};
     use planning::{Goal, Via};
     use shared_types::codes::{LoopFault, LoopState};
 
@@ -142,14 +142,9 @@ mod tests {
         let end_s = motion.duration();
         let times_s = [0.05, 0.7 * end_s, 0.8 * end_s, end_s];
         let robot = RobotMotion::Following(FollowedMotion {
-            is_blocked: false,
-            trajectory_id: 7,
             motion: Arc::new(motion),
             goals: times_s.map(goal).into(),
-            time_s: 0.1,
-            rate: 1.0,
-            fastest_rate: 1.0,
-            state_mono_ns: 0,
+            ..followed()
         });
         let mut appended = task();
         appended.appends = true;
@@ -190,16 +185,7 @@ mod tests {
     fn what_is_left_of_a_motion_belongs_to_the_start_that_was_set_last() {
         let mut task = task();
         task.moves_end = true;
-        let mut followed = FollowedMotion {
-            is_blocked: false,
-            trajectory_id: 7,
-            motion: Arc::new(motion()),
-            goals: Arc::default(),
-            time_s: 0.1,
-            rate: 1.0,
-            fastest_rate: 1.0,
-            state_mono_ns: 0,
-        };
+        let mut followed = followed();
         let robot = RobotMotion::Following(followed.clone());
         begin_at_robot(&mut task, &robot, LEAD, 0).unwrap();
         let left = task.request.followed.clone().unwrap();

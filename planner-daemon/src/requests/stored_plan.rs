@@ -60,14 +60,7 @@ fn with_knots(motion: &Trajectory, count: usize) -> Trajectory {
         let longest = (0..knots.len() - 1).max_by(|a, b| lasts_s(a).total_cmp(&lasts_s(b)));
         let Some(longest) = longest else { break };
         let time = 0.5 * (knots[longest].time + knots[longest + 1].time);
-        let state = motion.at(time);
-        let middle = Knot {
-            time,
-            position: state.position,
-            velocity: state.velocity,
-            acceleration: state.acceleration,
-        };
-        knots.insert(longest + 1, middle);
+        knots.insert(longest + 1, Knot::of(time, &motion.at(time)));
     }
     Trajectory::new(knots).expect("times rise as before")
 }

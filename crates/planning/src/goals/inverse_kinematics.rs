@@ -3,6 +3,7 @@
 use crate::goals::newton::{
     Configurations, Jacobians, bending_squares, damped_steps, within_limits,
 };
+use crate::problem::Goal;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f64x4, mask64x4};
 use pcc_model::{
@@ -153,6 +154,21 @@ fn hold_limits<S: Simd>(
         }
     }
     any
+}
+
+/// The configuration that reaches a goal, for a tip the one that is found from `seed`; none where no one is.
+pub(crate) fn configuration_near(
+    robot: &UnitRobot,
+    goal: &Goal,
+    seed: &Configuration,
+) -> Option<Configuration> {
+    match goal {
+        Goal::Configuration(configuration) => Some(*configuration),
+        Goal::Tip(target) => {
+            let (configuration, distance) = solve_tip(robot, target, seed);
+            is_solved(distance).then_some(configuration)
+        }
+    }
 }
 
 /// Whether a residual of [`solve_tip`] counts as reached.

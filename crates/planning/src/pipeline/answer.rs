@@ -83,7 +83,8 @@ fn undrawn(context: &RequestContext, failure: Failure) -> Drawn {
     vec![Draw::unfinished(source, failure); context.request.candidates].into()
 }
 
-/// Plans from the configuration in which a moving robot can rest soonest; every motion begins with braking to it.
+/// Moves the end of the motion that is followed, where the request wants that and it can be. Else plans from the configuration in which a moving
+/// robot can rest soonest; every motion begins with braking to it.
 fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, PlannerError> {
     let RequestContext {
         problem,

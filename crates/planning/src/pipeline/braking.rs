@@ -71,7 +71,6 @@ impl<'a> Braking<'a> {
         };
         let request = Request {
             knots: knots_after_braking(request.knots),
-            followed: None,
             ..request.clone()
         };
         (problem, request)

@@ -1,6 +1,6 @@
 //! A target that moves: the end of the motion that is followed is moved to it.
 
-use crate::goals::inverse_kinematics::{is_solved, solve_tip};
+use crate::goals::inverse_kinematics::configuration_near;
 use crate::pipeline::context::RequestContext;
 use crate::plan::Draw;
 use crate::problem::Goal;
@@ -8,8 +8,8 @@ use codes::Source;
 use pcc_model::Configuration;
 use trajectory::{MAX_KNOTS, Trajectory, limit_use};
 
-/// Times within which the end is moved, s: the first one with which the motion keeps the limits counts. Moved within less, the end of a target at
-/// 0.3 m/s uses the limits so much that it cannot be moved again soon.
+/// Times within which the end is moved, s: the first one with which the motion keeps the limits counts. Moved within less, an end that
+/// follows a target at 0.3 section lengths a second uses so much of the limits that it cannot be moved again soon.
 const WITHIN_S: [f64; 5] = [0.42, 0.55, 0.71, 0.92, 1.26];
 /// Farthest that a tip is moved, section lengths.
 const FARTHEST: f64 = 0.15;
@@ -43,15 +43,13 @@ pub(super) fn draw(context: &RequestContext) -> Option<Draw> {
     })
 }
 
-/// The goal configuration next to where the motion ends; none where its tip is farther from there than the end is moved.
+/// The goal configuration next to where the motion ends; none of a goal that is no tip, or is farther from there than the end is moved.
 fn goal_configuration(context: &RequestContext, followed: &Trajectory) -> Option<Configuration> {
     let (robot, end) = (&context.resources.robot, followed.end());
-    let Goal::Tip(target) = &context.problem.goal else {
-        return None;
-    };
-    if (robot.tip(&end) - target).norm() > FARTHEST {
-        return None;
-    }
-    let (configuration, distance) = solve_tip(robot, target, &end);
-    is_solved(distance).then_some(configuration)
+    let goal = &context.problem.goal;
+    let is_near =
+        matches!(goal, Goal::Tip(target) if (robot.tip(&end) - target).norm() <= FARTHEST);
+    is_near
+        .then(|| configuration_near(robot, goal, &end))
+        .flatten()
 }

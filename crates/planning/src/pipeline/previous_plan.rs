@@ -3,12 +3,12 @@
 //! The configurations that the previous plan ended in stay where they are or move with the goal, so that a robot that replans
 //! while it moves does not change its mind about where to pass; its paths are what the sampler starts from.
 
-use crate::goals::inverse_kinematics::{is_solved, solve_tip};
+use crate::goals::inverse_kinematics::configuration_near;
 use crate::path::waypoints::{Waypoints, parameter, resample};
 use crate::pipeline::context::Proposal;
 use crate::pipeline::selection::is_worth_a_change;
 use crate::plan::Draw;
-use crate::problem::{Goal, Problem};
+use crate::problem::Problem;
 use crate::request::PreviousPlan;
 use codes::Source;
 use pcc_model::{Configuration, UnitRobot};
@@ -47,7 +47,7 @@ pub(super) fn remaining_paths(
             let far = |rest: &RemainingPath| (rest.end() - end).norm() >= SEPARATION_RAD;
             remaining.iter().all(far)
         };
-        let end = moved_end(robot, problem, &previous.paths[index]).filter(is_new);
+        let end = end_at_goal(robot, problem, &previous.paths[index]).filter(is_new);
         if let Some(end) = end {
             remaining.push(RemainingPath {
                 path: remaining_path(&previous.paths[index], &problem.start, &end),
@@ -62,19 +62,13 @@ pub(super) fn remaining_paths(
 }
 
 /// The configuration nearest to a path's end that reaches the problem's goal and is clear.
-fn moved_end(
+fn end_at_goal(
     robot: &UnitRobot,
     problem: &Problem,
     path: &[Configuration],
 ) -> Option<Configuration> {
     let old = path.last()?;
-    let end = match &problem.goal {
-        Goal::Configuration(configuration) => Some(*configuration),
-        Goal::Tip(target) => {
-            let (configuration, distance) = solve_tip(robot, target, old);
-            is_solved(distance).then_some(configuration)
-        }
-    };
+    let end = configuration_near(robot, &problem.goal, old);
     end.filter(|end| (end - old).norm() <= SAME_CONFIGURATION_RAD)
         .filter(|end| problem.scene.clearance_at(robot, end) >= 0.0)
 }
@@ -115,8 +109,10 @@ pub(super) fn keep(kept: Vec<Draw>, draws: &mut [Draw]) {
 mod tests {
     use super::*;
     use crate::fixtures::unit_robot;
+    use crate::goals::inverse_kinematics::solve_tip;
     use crate::moving_obstacles::MovingObstacles;
     use crate::path::waypoints::straight_path;
+    use crate::problem::Goal;
     use collision::{Ball, Scene};
     use pcc_model::Point;
 

@@ -204,7 +204,6 @@ impl Route<'_> {
             knots: (request.knots / (self.via.len() + 1)).max(LEAST_KNOTS_OF_A_LEG),
             start_motion: None,
             previous: None,
-            followed: None,
             ..request.clone()
         };
         let supervision = Supervision {

@@ -26,6 +26,16 @@ impl Knot {
         }
     }
 
+    /// The knot of a state at `time`.
+    pub fn of(time: f64, state: &State) -> Self {
+        Self {
+            time,
+            position: state.position,
+            velocity: state.velocity,
+            acceleration: state.acceleration,
+        }
+    }
+
     /// Whether every number of the knot is finite.
     pub fn is_finite(&self) -> bool {
         let finite = |v: &Configuration| v.iter().all(|x| x.is_finite());

@@ -4,8 +4,9 @@
 //! small displacements one soon after the other need hardly more jerk than their sum (C. de Boor, "A Practical Guide to Splines", chapter IX).
 //! Where both are polynomials of the fifth degree at most between the knots of the sum, its quintics are the sum exactly.
 
-use crate::{Knot, State, Trajectory};
+use crate::{Knot, Trajectory};
 use pcc_model::Configuration;
+use std::iter;
 
 /// Pieces of a displacement, each a polynomial of time.
 const PIECES: usize = 4;
@@ -17,16 +18,17 @@ const TRIES: u32 = 64;
 impl Trajectory {
     /// What is left of the motion from a time on, s; none where it has ended by then.
     pub fn left_from(&self, time_s: f64) -> Option<Self> {
-        let first = knot(0.0, &self.at(time_s));
+        let first = Knot::of(0.0, &self.at(time_s));
         let later = self.knots().iter().filter(|knot| knot.time > time_s);
         let later = later.map(|knot| Knot {
             time: knot.time - time_s,
             ..*knot
         });
-        Self::new([first].into_iter().chain(later).collect()).ok()
+        Self::new(iter::once(first).chain(later).collect()).ok()
     }
 
-    /// The motion with its end moved by a displacement (rad) within so many seconds or a little more, from its begin on; it has four knots more.
+    /// The motion with its end moved by a displacement (rad) within so many seconds or a little more, from its begin on; it has
+    /// a knot more for each piece of the displacement.
     /// None where these cannot be apart from the motion's.
     pub fn with_end_moved(&self, by: &Configuration, within_s: f64) -> Option<Self> {
         let piece_s = self.piece_apart_from_knots(within_s / PIECES as f64)?;
@@ -42,7 +44,7 @@ impl Trajectory {
     }
 
     fn moved_by(&self, by: &Configuration, piece_s: f64, time: f64) -> Knot {
-        let here = knot(time, &self.at(time));
+        let here = self.at(time);
         let [way, slope, bend] = step(time / piece_s);
         Knot {
             time,
@@ -60,22 +62,13 @@ impl Trajectory {
                 knots.all(|knot| (knot.time - time).abs() >= KNOTS_APART_S)
             })
         };
-        let lengths = (0..TRIES).map(|more| shortest_s + f64::from(more) * KNOTS_APART_S);
-        lengths.into_iter().find(is_apart)
+        let mut lengths = (0..TRIES).map(|more| shortest_s + f64::from(more) * KNOTS_APART_S);
+        lengths.find(is_apart)
     }
 }
 
 fn ends_of_pieces(piece_s: f64) -> impl Iterator<Item = f64> {
     (1..=PIECES).map(move |piece| piece as f64 * piece_s)
-}
-
-fn knot(time: f64, state: &State) -> Knot {
-    Knot {
-        time,
-        position: state.position,
-        velocity: state.velocity,
-        acceleration: state.acceleration,
-    }
 }
 
 /// From 0 at 0 to 1 from [`PIECES`] on: the integral of the cubic B-spline over the integers, with its first two derivatives.

@@ -307,12 +307,7 @@ mod tests {
             )
             .unwrap();
         let at = motion.at(motion.duration() * random.random_range(0.0..1.0));
-        Knot {
-            time: 7.0,
-            position: at.position,
-            velocity: at.velocity,
-            acceleration: at.acceleration,
-        }
+        Knot::of(7.0, &at)
     }
 
     /// A path from `start` to a random configuration.

@@ -1,14 +1,12 @@
 //! Every way of a goal from its giving to its end, without a port or a clock.
 
-use std::sync::Arc;
-
 use shared_types::codes::{LoopFault, LoopState, Refusal};
 use shared_types::message;
 use trajectory::Knot;
 
 use super::*;
 use crate::execution::FollowedMotion;
-use crate::fixtures::{motion, unit_robot};
+use crate::fixtures::{followed, unit_robot};
 
 const MS: i64 = 1_000_000;
 /// When the first goal is given.
@@ -36,14 +34,8 @@ fn holding() -> RobotMotion {
 
 fn following(trajectory_id: u32) -> RobotMotion {
     RobotMotion::Following(FollowedMotion {
-        is_blocked: false,
         trajectory_id,
-        motion: Arc::new(motion()),
-        goals: Arc::default(),
-        time_s: 0.1,
-        rate: 1.0,
-        fastest_rate: 1.0,
-        state_mono_ns: 0,
+        ..followed()
     })
 }
 
