@@ -49,7 +49,7 @@ pub(crate) fn request() -> Request {
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,
         previous: None,
-        followed: None,
+        end_to_move: None,
     }
 }
 
@@ -62,6 +62,7 @@ pub(crate) fn task() -> PlanTask {
         knots: MostKnots {
             from_rest: request().knots,
             in_motion: request().knots,
+            end_moved: trajectory::MAX_KNOTS,
         },
         starts_at_robot: false,
         ignores_live_scene: false,

@@ -136,7 +136,7 @@ fn delivered_candidates_keep_every_promise() {
                 corrections: MOST_CORRECTIONS,
                 start_motion: None,
                 previous: None,
-                followed: None,
+                end_to_move: None,
             };
             let answer = planner.plan(&problem, &request, &|| false).unwrap();
             for candidate in &answer.candidates {
@@ -151,7 +151,7 @@ fn delivered_candidates_keep_every_promise() {
                     Source::Learned | Source::Explored => learned += 1,
                     Source::StraightLine => straight += 1,
                     Source::Classical => trees += 1,
-                    Source::Kept => panic!("there was no plan before"),
+                    Source::Kept | Source::MovedEnd => panic!("there was no motion before"),
                 }
             }
         }

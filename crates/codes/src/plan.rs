@@ -84,6 +84,8 @@ codes! {
         Kept = 4 "kept",
         /// The learned sampler, from wider noise, where none of the draws asked for was certified.
         Explored = 5 "explored",
+        /// The motion that is followed, its end moved to a target that moves.
+        MovedEnd = 6 "moved end",
     }
 }
 

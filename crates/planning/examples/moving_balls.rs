@@ -146,7 +146,7 @@ fn request(seed: u64, padding: [f64; 3]) -> Request {
         corrections: MOST_CORRECTIONS,
         start_motion: None,
         previous: None,
-        followed: None,
+        end_to_move: None,
     }
 }
 

@@ -80,7 +80,7 @@ fn request(robot: &UnitRobot, seed: u64, start_motion: Option<StartMotion>) -> R
         corrections: MOST_CORRECTIONS,
         start_motion,
         previous: None,
-        followed: None,
+        end_to_move: None,
     }
 }
 

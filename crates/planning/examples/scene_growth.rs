@@ -62,7 +62,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,
         previous: None,
-        followed: None,
+        end_to_move: None,
     };
     let cloud = cloud();
     println!("balls  median    min  condition sample correct time certify select  candidates");

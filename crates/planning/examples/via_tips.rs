@@ -34,7 +34,7 @@ fn request(robot: &Robot, seed: u64, knots: usize) -> Request {
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,
         previous: None,
-        followed: None,
+        end_to_move: None,
     }
 }
 

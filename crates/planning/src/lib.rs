@@ -48,7 +48,8 @@ pub use plan::{Candidate, Certified, Draw, Failure, Passage, Plan};
 pub use planner::Planner;
 pub use problem::{Goal, Problem, Via};
 pub use request::{
-    CanBegin, EarlySelection, Guidance, PreviousPlan, Request, StartMotion, Supervision, ToBeDone,
+    CanBegin, EarlySelection, EndToMove, Guidance, PreviousPlan, Request, StartMotion, Supervision,
+    ToBeDone,
 };
 pub use resources::Models;
 pub use search::edges::RrtSettings;

@@ -74,18 +74,27 @@ pub struct Request {
     pub limits_scale: f64,
     /// Padding of each section's tube for which motions are certified, section lengths: room for the tracking error.
     pub padding: [f64; SECTIONS],
-    /// Knots of each motion (4 to 256); one whose end is moved may have more, 256 at most.
+    /// Knots of each motion (4 to 256).
     pub knots: usize,
     /// Corrections that a path gets before it is given up, 0 to `MOST_CORRECTIONS`; that many is usual, and larger numbers mean the same.
     pub corrections: usize,
     /// How the robot moves at the start, none where it rests. A moving robot first brakes straight ahead, then goes on from rest, but for
-    /// `followed`.
+    /// `end_to_move`.
     pub start_motion: Option<StartMotion>,
     /// The plan to go on from; read by [`Sampler::Default`] and [`Sampler::Fast`].
     pub previous: Option<Arc<PreviousPlan>>,
-    /// What is left of the motion that a robot in motion follows, from the start on: where moving its end a little reaches the goal within
-    /// the limits, that motion alone is the plan, and supervision is told of nothing before it.
-    pub followed: Option<Arc<Trajectory>>,
+    /// The motion that a robot in motion follows: where moving its end a little reaches the goal within the limits, that motion alone is the
+    /// plan, and supervision is told of nothing before it.
+    pub end_to_move: Option<EndToMove>,
+}
+
+/// A motion whose end may be moved.
+#[derive(Clone, Debug)]
+pub struct EndToMove {
+    /// What is left of the motion, from the start of the request on.
+    pub left: Arc<Trajectory>,
+    /// Knots that the motion with its end moved may have.
+    pub knots: usize,
 }
 
 /// Asked between the steps of planning a request; true truncates it.

@@ -9,9 +9,9 @@ use beside_a_ball::{plan, problem, request};
 use collision::{Ball, Scene, certify_trajectory, minimum_clearance};
 use pcc_model::{Configuration, Point, SECTIONS};
 use planning::{
-    Candidate, EarlySelection, Goal, Infeasible, MovingObstacles, PathMetrics, Plan, Planner,
-    PlannerError, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, ToBeDone,
-    select,
+    Candidate, EarlySelection, EndToMove, Goal, Infeasible, MovingObstacles, PathMetrics, Plan,
+    Planner, PlannerError, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision,
+    ToBeDone, select,
 };
 use shipped::planner;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -152,7 +152,10 @@ fn following_a_target(planner: &Planner, scene: Scene, by: f64) -> (Problem, Req
     };
     let (moving, in_motion) = leaving_in(moved, &left.at(0.0));
     let in_motion = Request {
-        followed: Some(Arc::new(left)),
+        end_to_move: Some(EndToMove {
+            left: Arc::new(left),
+            knots: trajectory::MAX_KNOTS,
+        }),
         ..in_motion
     };
     (moving, in_motion)
@@ -165,8 +168,8 @@ fn the_end_of_a_motion_is_moved_to_a_target_that_moves() {
     let answer = plan(&planner, &moving, &in_motion);
     assert_eq!(answer.candidates.len(), 1);
     let candidate = &answer.candidates[0];
-    assert_eq!(candidate.source, Source::Kept);
-    let followed = in_motion.followed.as_ref().unwrap();
+    assert_eq!(candidate.source, Source::MovedEnd);
+    let followed = &in_motion.end_to_move.as_ref().unwrap().left;
     let begin = &followed.knots()[0];
     assert_begin_at(&planner, &moving.scene, begin, answer.candidates.iter());
     let (motion, robot) = (&candidate.trajectory, planner.robot());
@@ -185,7 +188,7 @@ fn the_end_of_a_motion_is_moved_to_a_target_that_moves() {
 fn an_end_that_cannot_be_moved_is_planned_anew() {
     let planner = planner(1);
     let (moving, in_motion) = following_a_target(&planner, Scene::default(), 0.01);
-    let followed = in_motion.followed.as_ref().unwrap();
+    let followed = &in_motion.end_to_move.as_ref().unwrap().left;
     let tip = planner
         .robot()
         .tip(&followed.at(0.5 * followed.duration()).position);
@@ -200,10 +203,17 @@ fn an_end_that_cannot_be_moved_is_planned_anew() {
         limits_scale: 0.3,
         ..in_motion.clone()
     };
-    for (problem, request) in [too_far, blocked, (moving, gentle)] {
+    let full = Request {
+        end_to_move: Some(EndToMove {
+            left: Arc::clone(followed),
+            knots: followed.knots().len() + 3,
+        }),
+        ..in_motion.clone()
+    };
+    for (problem, request) in [too_far, blocked, (moving.clone(), gentle), (moving, full)] {
         let answer = plan(&planner, &problem, &request);
         let anew = Request {
-            followed: None,
+            end_to_move: None,
             ..request
         };
         let expected = plan(&planner, &problem, &anew);

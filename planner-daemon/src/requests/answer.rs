@@ -269,7 +269,7 @@ fn nanoseconds(duration: Duration) -> u64 {
 pub(crate) fn is_deliverable(task: &PlanTask, candidate: &Candidate, robot: &UnitRobot) -> bool {
     let goal_tip = task.problem.goal_tip(robot);
     (robot.tip(&candidate.end()) - goal_tip).norm() <= task.tip_tolerance
-        && candidate.trajectory.knots().len() <= task.request.knots
+        && candidate.trajectory.knots().len() <= task.most_knots(candidate)
         && candidate.trajectory.duration() <= MAX_DURATION_S
 }
 
@@ -323,7 +323,13 @@ fn failures(plan: &Plan, undeliverable: usize) -> String {
     let parts: Vec<String> = parts
         .map(|(count, text)| format!("{count} {text}"))
         .collect();
-    if parts.is_empty() {
+    if plan
+        .candidates
+        .iter()
+        .any(|it| it.source == Source::MovedEnd)
+    {
+        "the end of the motion under way is moved".to_owned()
+    } else if parts.is_empty() {
         "no more goal configurations".to_owned()
     } else {
         parts.join(", ")
@@ -428,6 +434,26 @@ mod tests {
                 answer.report.reason.text()
             );
         }
+    }
+
+    #[test]
+    fn a_motion_whose_end_is_moved_may_have_more_knots_than_others() {
+        let mut task = task();
+        let mut plan = plan(&task, false);
+        let knots = plan.candidates[0].trajectory.knots().len();
+        task.request.knots = knots - 1;
+        plan.candidates[0].source = Source::MovedEnd;
+        for (end_moved, outcome) in [(knots, Outcome::Ok), (knots - 1, Outcome::NoPath)] {
+            task.knots.end_moved = end_moved;
+            assert_eq!(answer(&task, plan.clone()).outcome(), Some(outcome));
+        }
+        task.knots.end_moved = knots;
+        task.request.candidates = 4;
+        let answer = answer(&task, plan);
+        assert!(
+            answer.report.reason.text().contains("1 of 4")
+                && answer.report.reason.text().contains("is moved")
+        );
     }
 
     #[test]

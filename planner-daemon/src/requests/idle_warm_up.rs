@@ -78,7 +78,7 @@ impl IdleWarmUp {
         let tells_early = request.sampler == Sampler::Default && problem.moving.is_empty();
         if request.start_motion.is_some() && tells_early && !has_via {
             let request = Request {
-                followed: None,
+                end_to_move: None,
                 ..request.clone()
             };
             self.last_in_motion = Some((Arc::clone(problem), request));

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use collision::SceneError;
 use planning::{Candidate, Problem};
 use shared_types::clock::{mono_now_ns, seconds};
-use shared_types::codes::{Outcome, PlanDependence, PlanField};
+use shared_types::codes::{Outcome, PlanDependence, PlanField, Source};
 
 use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
@@ -344,7 +344,7 @@ impl Service {
         selected: Option<&Candidate>,
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let requested_mono_ns = in_flight.queued.task.requested_mono_ns?;
-        let is_moved_end = selected.is_some_and(|it| in_flight.queued.task.is_moved_end(it));
+        let is_moved_end = selected.is_some_and(|it| it.source == Source::MovedEnd);
         if let (PlanBegin::AtSwitch(_), Some(kind), false) =
             (in_flight.begin, in_flight.kind, is_moved_end)
         {

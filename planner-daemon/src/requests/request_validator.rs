@@ -80,6 +80,8 @@ pub(crate) struct MostKnots {
     pub(crate) from_rest: usize,
     /// In motion it brakes, too.
     pub(crate) in_motion: usize,
+    /// One whose end is moved has those of earlier displacements, too.
+    pub(crate) end_moved: usize,
 }
 
 impl MostKnots {
@@ -94,9 +96,12 @@ impl MostKnots {
 }
 
 impl PlanTask {
-    /// Whether a candidate is the motion that is followed with its end moved: of its time nothing can be learned for other plans.
-    pub(super) fn is_moved_end(&self, candidate: &Candidate) -> bool {
-        self.request.followed.is_some() && candidate.source == Source::Kept
+    /// Knots that a candidate may have.
+    pub(super) fn most_knots(&self, candidate: &Candidate) -> usize {
+        match candidate.source {
+            Source::MovedEnd => self.knots.end_moved,
+            _ => self.request.knots,
+        }
     }
 
     /// Whether it goes through several goals.
@@ -214,17 +219,20 @@ impl RequestValidator {
     }
 
     /// Knots that a motion from rest may have, and one that begins in motion, which may have those of its braking more. One through several
-    /// goals may have as many for each goal as one to a single goal. All as far as the answer holds so many candidates of them.
+    /// goals may have as many for each goal as one to a single goal. All as far as the answer holds so many candidates of them; one whose
+    /// end is moved is alone in its answer.
     fn knots(&self, asked: &PlanRequest) -> MostKnots {
         let of_one = self.capacity.knots_per_candidate;
         let is_route = !asked.via.is_empty() || asked.start == StartKind::AfterGoals;
         let from_rest = if is_route { MAX_KNOTS } else { of_one };
         let in_motion = (from_rest + STOPPING_KNOTS).min(MAX_KNOTS);
-        let share = self.capacity.knots_per_response() / asked.candidate_count;
+        let all = self.capacity.knots_per_response();
+        let share = all / asked.candidate_count;
         let [from_rest, in_motion] = [from_rest, in_motion].map(|most| share.clamp(of_one, most));
         MostKnots {
             from_rest,
             in_motion,
+            end_moved: all.min(MAX_KNOTS),
         }
     }
 
@@ -243,7 +251,7 @@ impl RequestValidator {
                 acceleration: asked.start_acceleration_rad_s2.into(),
             }),
             previous: previous.map(Arc::new),
-            followed: None,
+            end_to_move: None,
         }
     }
 }

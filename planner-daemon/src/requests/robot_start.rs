@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pcc_model::Configuration;
-use planning::{Problem, Request, StartMotion};
+use planning::{EndToMove, Problem, Request, StartMotion};
 use shared_types::capacity::MAX_GOALS;
 use shared_types::codes::Outcome;
 
@@ -43,7 +43,10 @@ pub(super) fn begin_at_robot(
             set_start(task, switch.state.position, Some(motion));
             if task.moves_end && !followed.is_blocked {
                 let left = followed.motion.left_from(switch.path_time_s);
-                task.request.followed = left.map(Arc::new);
+                task.request.end_to_move = left.map(|left| EndToMove {
+                    left: Arc::new(left),
+                    knots: task.knots.end_moved,
+                });
             }
             Ok(Some(switch))
         }
@@ -104,7 +107,7 @@ fn set_start(task: &mut PlanTask, start: Configuration, motion: Option<StartMoti
     task.request = Request {
         knots: task.knots.of(motion.is_some()),
         start_motion: motion,
-        followed: None,
+        end_to_move: None,
         ..task.request.clone()
     };
 }
@@ -188,12 +191,12 @@ mod tests {
         let mut followed = followed();
         let robot = RobotMotion::Following(followed.clone());
         begin_at_robot(&mut task, &robot, LEAD, 0).unwrap();
-        let left = task.request.followed.clone().unwrap();
-        assert_eq!(left.knots()[0].position, task.problem.start);
+        let to_move = task.request.end_to_move.clone().unwrap();
+        assert_eq!(to_move.left.knots()[0].position, task.problem.start);
         followed.is_blocked = true;
         let robot = RobotMotion::Following(followed);
         begin_at_robot(&mut task, &robot, 2 * LEAD, 0).unwrap();
-        assert!(task.request.followed.is_none());
+        assert!(task.request.end_to_move.is_none());
     }
 
     #[test]

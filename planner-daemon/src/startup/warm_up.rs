@@ -141,6 +141,6 @@ fn request(planner: &Planner, config: &Config, sampler: Sampler) -> Request {
         corrections: MOST_CORRECTIONS,
         start_motion: None,
         previous: None,
-        followed: None,
+        end_to_move: None,
     }
 }

@@ -457,6 +457,8 @@ typedef enum PccSource {
   PCC_SOURCE_KEPT = 4,
   /* The learned sampler, from wider noise, where none of the draws asked for was certified. */
   PCC_SOURCE_EXPLORED = 5,
+  /* The motion that is followed, its end moved to a target that moves. */
+  PCC_SOURCE_MOVED_END = 6,
 } PccSource;
 
 /* A stage of planning that the answer times: the index into `stages_ns`. Paths go through correction, time parameterization, certification and their figures one after the other, several paths at once: the time of all is divided among these stages by what each took on the workers. */

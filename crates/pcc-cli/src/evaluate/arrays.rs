@@ -91,7 +91,7 @@ fn source_code(draw: Option<&Draw>) -> u8 {
         Some(Source::Learned) => 1,
         Some(Source::StraightLine | Source::Classical) => 2,
         Some(Source::Explored) => 3,
-        Some(Source::Kept) | None => 0,
+        Some(Source::Kept | Source::MovedEnd) | None => 0,
     }
 }
 

@@ -107,7 +107,7 @@ pub(crate) fn answer(
         corrections: asked.corrections,
         start_motion: None,
         previous: None,
-        followed: None,
+        end_to_move: None,
     };
     let clock = Instant::now();
     let is_drawn_here = given.is_none() && asked.planner.sampler().is_none();

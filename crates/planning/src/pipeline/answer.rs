@@ -92,8 +92,9 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         supervision,
         ..
     } = *context;
-    if let Some(draw) = moved_end::draw(context) {
-        return Ok(plan_of(vec![draw].into(), StageTimes::default()));
+    let mut times = StageTimes::default();
+    if let Some(draw) = times.measure(Stage::Certify, || moved_end::draw(context)) {
+        return Ok(plan_of(vec![draw].into(), times));
     }
     let braking = Braking::new(&context.constraints, &motion.state_in(&problem.start))?;
     let (after, shorter) = braking.what_follows(problem, request);

@@ -15,6 +15,6 @@ pub(crate) fn request(sampler: Sampler, seed: u64) -> Request {
         corrections: MOST_CORRECTIONS,
         start_motion: None,
         previous: None,
-        followed: None,
+        end_to_move: None,
     }
 }

@@ -10,8 +10,8 @@ use std::iter;
 
 /// Pieces of a displacement, each a polynomial of time.
 const PIECES: usize = 4;
-/// Knots keep at least so far apart, s.
-const KNOTS_APART_S: f64 = 1e-4;
+/// Knots keep at least so far apart, s: in a shorter segment the rounding of positions would show in the acceleration.
+const KNOTS_APART_S: f64 = 4e-4;
 /// Displacements that are tried until their knots keep apart from those of the motion, each one `PIECES` × [`KNOTS_APART_S`] longer.
 const TRIES: u32 = 64;
 

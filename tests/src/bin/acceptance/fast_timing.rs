@@ -229,7 +229,7 @@ fn request(seed: u64) -> Request {
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,
         previous: None,
-        followed: None,
+        end_to_move: None,
     }
 }
 

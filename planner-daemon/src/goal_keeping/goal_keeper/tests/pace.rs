@@ -173,3 +173,19 @@ fn a_goal_that_jumps_and_comes_back_is_planned_for_again() {
     bench.keeper.hear_plan(&failed(Outcome::Truncated, ""));
     assert!(bench.after(21, &holding()).is_some());
 }
+
+#[test]
+fn a_goal_with_a_velocity_is_a_target_that_is_followed() {
+    let mut bench = Bench::new();
+    assert!(!bench.keeper.follows_target());
+    bench.give(tip_at(1.0, 0));
+    assert!(!bench.keeper.follows_target());
+    let moving = StandingGoal {
+        tip_velocity_m_s: [0.1, 0.0, 0.0],
+        ..tip_at(1.0, 1)
+    };
+    bench.give(moving);
+    assert!(bench.keeper.follows_target());
+    bench.give(tip_at(1.0, 2));
+    assert!(!bench.keeper.follows_target());
+}

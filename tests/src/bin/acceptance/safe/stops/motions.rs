@@ -80,7 +80,7 @@ fn plan(
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,
         previous: None,
-        followed: None,
+        end_to_move: None,
     };
     let Ok(plan) = planner.plan(&problem, &request, &|| false) else {
         return Ok(None);
