@@ -2,6 +2,7 @@
 
 mod client_kills;
 mod examples;
+mod guides;
 mod languages;
 mod lines;
 mod other_services;
@@ -24,6 +25,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     |report, scale| of_language(&languages::cpp(), report, scale),
     |report, scale| of_language(&languages::python(), report, scale),
     plain_python::run,
+    |report, _| guides::run(report),
     servos::run,
     |report, _| servo_faults::run(report),
     transport::run,
