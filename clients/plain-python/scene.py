@@ -23,23 +23,21 @@ def scene(sequence, **fields):
 
 begun = now = time.monotonic_ns()
 sequence, judged = 0, []
-try:
-    while now < begun + seconds * 1e9:
-        sequence, elapsed_s = sequence + 1, (now - begun) * 1e-9
-        message = scene(sequence, stamp_mono_ns=now, ball_count=1)
-        ball = message.balls[0]
-        ball.centre_m[:] = [at + speed * elapsed_s for at, speed in zip((x, y, z), velocity)]
-        ball.velocity_m_s[:], ball.radius_m = velocity, radius
-        scenes.send_copy(message)
-        time.sleep(0.03)
-        for verdict in every(verdicts):
-            if bytes(verdict.source).rstrip(b"\0") == SOURCE:
-                judged.append(verdict.refusal)
-                print(f"scene {verdict.sequence}: {wire.text('SceneRefusal', verdict.refusal)} {reason(verdict.reason)}")
-        now = time.monotonic_ns()
-finally:
-    # Without it nothing is executed any more.
-    scenes.send_copy(scene(sequence + 1, stamp_mono_ns=time.monotonic_ns(), takes_leave=1))
-    time.sleep(0.1)
+while now < begun + seconds * 1e9:
+    sequence, elapsed_s = sequence + 1, (now - begun) * 1e-9
+    message = scene(sequence, stamp_mono_ns=now, ball_count=1)
+    ball = message.balls[0]
+    ball.centre_m[:] = [at + speed * elapsed_s for at, speed in zip((x, y, z), velocity)]
+    ball.velocity_m_s[:], ball.radius_m = velocity, radius
+    scenes.send_copy(message)
+    time.sleep(0.03)
+    for verdict in every(verdicts):
+        if bytes(verdict.source).rstrip(b"\0") == SOURCE:
+            judged.append(verdict.refusal)
+            print(f"scene {verdict.sequence}: {wire.text('SceneRefusal', verdict.refusal)} {reason(verdict.reason)}")
+    now = time.monotonic_ns()
+# Without it nothing is executed any more; an error above must not say that the obstacles are gone.
+scenes.send_copy(scene(sequence + 1, stamp_mono_ns=time.monotonic_ns(), takes_leave=1))
+time.sleep(0.1)
 counted = judged and all(refusal == wire.code("SceneRefusal", "None") for refusal in judged)
 print("every scene counted" if counted else "a scene does not count, or no daemon judges scenes")

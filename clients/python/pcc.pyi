@@ -105,7 +105,7 @@ class Controller:
         """Orders "stop", "reset", "pause", "resume", or "speed" with the speed to run at: whether it takes effect, and why."""
 
 class Scene:
-    """Publishes what one source knows of the obstacles; as a context it takes its leave at the end."""
+    """Publishes what one source knows of the obstacles; as a context it takes its leave at the end, but not where an error ends it: the robot then stops."""
 
     def __init__(self, source: str, prefix: str | None = None, root: str | None = None) -> None: ...
     def publish(self, balls: Sequence[Sequence[float]], lifetime: float) -> None:

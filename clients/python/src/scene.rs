@@ -7,7 +7,8 @@ use crate::error::{raised, time_limit};
 use crate::request::{moving_balls, options};
 use crate::waiting::{detached, wait};
 
-/// Publishes what one source knows of the obstacles. As a context it takes its leave at the end.
+/// Publishes what one source knows of the obstacles. As a context it takes its leave at the end, but not where an error ends it: the robot
+/// then stops, as where the program dies.
 #[pyclass(unsendable, module = "pcc")]
 pub(crate) struct Scene(ScenePublisher);
 
@@ -44,10 +45,14 @@ impl Scene {
     fn __exit__(
         &mut self,
         py: Python<'_>,
-        _kind: &Bound<'_, PyAny>,
+        kind: &Bound<'_, PyAny>,
         _error: &Bound<'_, PyAny>,
         _traceback: &Bound<'_, PyAny>,
     ) -> PyResult<()> {
-        self.leave(py)
+        if kind.is_none() {
+            self.leave(py)
+        } else {
+            Ok(())
+        }
     }
 }

@@ -1,10 +1,13 @@
 //! The simulated robot's settings (`config/simulated-robot.toml` says what each means).
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use input_files::{SettingsError, SettingsFile};
 use pcc_model::{Configuration, DOF, Numbers, Robot};
-use robot_driver::{ConfigError, ReferenceLimits, TendonState, check_loop, robot_of};
+use robot_driver::{
+    ConfigError, ReferenceLimits, TendonState, check_loop, longest_cycle_ns, robot_of,
+};
 
 use super::MotorLimits;
 use crate::TENDONS;
@@ -148,6 +151,7 @@ impl File {
             acceleration_m_s2: robot.tendon_limits.acceleration,
             allowance: self.limit_allowance,
             lost_after_ns: i64::from(self.lost_setpoint_ms) * 1_000_000,
+            longest_cycle_ns: longest_cycle_ns(Duration::from_secs(1) / self.rate_hz),
         }
     }
 }

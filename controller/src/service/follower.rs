@@ -5,6 +5,7 @@ use std::sync::{
     Arc,
     atomic::{AtomicBool, Ordering},
 };
+use std::time::Duration;
 
 use robot_driver::{DrivenRobot, MotorTargets, ReferenceLimits, TendonState, TendonVector};
 use shared_types::{
@@ -87,7 +88,8 @@ impl Follower {
             .map_err(|error| no_signal(&error))?;
         let (services, link) = LoopServices::start(&config, options, signals)?;
         robot_driver::claim_shared_memory(options)?;
-        let limits = ReferenceLimits::of(&config.robot);
+        let period = Duration::from_nanos(config.executive.period_ns.unsigned_abs());
+        let limits = ReferenceLimits::of(&config.robot, period);
         Ok(Self {
             step: LoopStep::new(&config, link),
             motors: Motors {

@@ -94,12 +94,12 @@ impl GoalSender {
     }
 
     /// Says where the goal that was given last is now, and with which velocity it moves where it is a tip (base frame, m/s; believed for
-    /// half a second): the tip then lags less behind it. Gives it at the whole limits where there was none.
+    /// half a second): the tip then lags less behind it. Gives it at the whole limits where there was none, or it was withdrawn.
     ///
     /// # Errors
     /// As [`GoalSender::give`].
     pub fn move_to(&mut self, goal: Goal, tip_velocity_m_s: [f64; 3]) -> Result<(), ClientError> {
-        if self.sent.is_none() {
+        if self.sent.is_none_or(|sent| sent.is_withdrawn) {
             self.give(goal, 1.0)?;
         }
         self.sent.map_or(Ok(()), |sent| {

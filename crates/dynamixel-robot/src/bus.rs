@@ -10,12 +10,14 @@ use crate::registers::{GOAL_POSITION, HARDWARE_ERROR_STATUS, PRESENT_STATE, STAT
 
 /// The address of all servos at once.
 const BROADCAST: u8 = 0xFE;
-/// The instruction that has many servos read from.
+/// The instructions that have a servo, or many, read from.
+const READ: u8 = 0x02;
 const SYNC_READ: u8 = 0x82;
 /// Bytes of a status packet beside what was read.
 const STATUS_OVERHEAD: u32 = 11;
-/// Time that adapter and system add to a read outside the loop.
+/// Time that adapter and system add to a read outside the loop, and to one within it.
 const SLACK_OF_A_READ: Duration = Duration::from_millis(10);
+const SLACK_IN_THE_LOOP: Duration = Duration::from_millis(2);
 /// Bits on the line for each byte.
 const BITS_OF_A_BYTE: u32 = 10;
 
@@ -142,16 +144,20 @@ impl ServoBus {
         Ok(read)
     }
 
-    /// Four bytes of one servo.
-    pub(crate) fn read_u32_of(&mut self, tendon: usize, register: u16) -> Result<u32, BusError> {
+    /// Four bytes of one servo; none where it does not answer within a few milliseconds: the servos' watchdogs must not trip meanwhile.
+    pub(crate) fn try_read_u32(&mut self, tendon: usize, register: u16) -> Option<u32> {
+        const BYTES: u16 = 4;
         let id = self.ids[tendon];
-        let read = self.bus.read_u32(id, register);
-        read.map(|read| read.data)
-            .map_err(|source| BusError::Servo {
-                id,
-                what: "four bytes read",
-                source,
-            })
+        let encode = |packet: &mut [u8]| {
+            packet[..2].copy_from_slice(&register.to_le_bytes());
+            packet[2..].copy_from_slice(&BYTES.to_le_bytes());
+        };
+        self.bus.write_instruction(id, READ, 4, encode).ok()?;
+        let on_the_line = self.time_of(14 + STATUS_OVERHEAD + u32::from(BYTES));
+        let deadline = Instant::now() + on_the_line + SLACK_IN_THE_LOOP;
+        let answer = self.bus.read_status_response_deadline(deadline).ok()?;
+        let bytes = answer.parameters().try_into().ok()?;
+        (answer.packet_id() == id).then(|| u32::from_le_bytes(bytes))
     }
 
     /// Why a servo is in error, by its hardware error status.
@@ -174,6 +180,19 @@ impl ServoBus {
             data: position.to_le_bytes(),
         });
         Ok(self.bus.sync_write(GOAL_POSITION, 4, goals)?)
+    }
+
+    /// Has every servo go to a position, pulses, one after the other, and each confirm it.
+    pub(crate) fn set_goals(&mut self, positions: &[i32]) -> Result<(), BusError> {
+        for (&id, position) in self.ids.iter().zip(positions) {
+            let written = self.bus.write_u32(id, GOAL_POSITION, *position as u32);
+            written.map_err(|source| BusError::Servo {
+                id,
+                what: "a goal written",
+                source,
+            })?;
+        }
+        Ok(())
     }
 
     /// Asks these tendons' servos for their states; [`Self::receive_states`] takes the answers.

@@ -15,6 +15,8 @@ pub(crate) struct Health {
     in_error: Vec<bool>,
     /// Whether the line takes nothing any more.
     line_is_lost: bool,
+    /// Whether the servos' watchdogs have stopped them.
+    watchdogs_have_tripped: bool,
     /// Whether a servo has forgotten its home.
     homeless: bool,
 }
@@ -28,6 +30,7 @@ impl Health {
             tense: vec![now; servos],
             in_error: vec![false; servos],
             line_is_lost: false,
+            watchdogs_have_tripped: false,
             homeless: false,
         }
     }
@@ -53,6 +56,15 @@ impl Health {
         self.line_is_lost = true;
     }
 
+    /// Nothing was sent for longer than the servos bear.
+    pub(crate) fn trip_watchdogs(&mut self) {
+        self.watchdogs_have_tripped = true;
+    }
+
+    pub(crate) fn watchdogs_have_tripped(&self) -> bool {
+        self.watchdogs_have_tripped
+    }
+
     pub(crate) fn lose_home(&mut self) {
         self.homeless = true;
     }
@@ -60,7 +72,8 @@ impl Health {
     /// The worst that is wrong, and the tendon that it is about.
     pub(crate) fn fault(&self, now: Instant) -> (MotorFault, Option<usize>) {
         let is_silent = |heard: &Instant| now - *heard > self.silent_after;
-        if self.line_is_lost || self.heard.iter().all(is_silent) {
+        let is_lost = self.line_is_lost || self.watchdogs_have_tripped;
+        if is_lost || self.heard.iter().all(is_silent) {
             return (MotorFault::Bus, None);
         }
         if let Some(tendon) = self.in_error.iter().position(|it| *it) {

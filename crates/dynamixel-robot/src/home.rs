@@ -26,6 +26,10 @@ const STILL_LOOKS: u32 = 15;
 const TENSE: f64 = 0.8;
 /// Velocity of a servo that stands still, in its units.
 const STILL: i32 = 1;
+/// The servos' watchdog while they wind, 20 ms: they stop where nobody looks at them any more.
+const WINDING_WATCHDOG: u8 = 10;
+/// How often all servos are told to let go, which none confirms.
+const LETS_GO: usize = 3;
 /// Pulses before the end of what may be wound within which a tendon has been wound as far as it may.
 const AT_THE_END: i32 = 20;
 
@@ -83,6 +87,9 @@ pub(crate) struct Home {
     pub(crate) mark: u32,
     /// Hash of the robot file that was homed, in hexadecimal.
     pub(crate) robot_hash: String,
+    /// The servo of each tendon, and its direction.
+    pub(crate) servo_ids: Vec<u8>,
+    pub(crate) directions: Vec<i8>,
     /// Positions of the servos of the straight robot, pulses.
     pub(crate) zeros: Vec<i32>,
 }
@@ -91,6 +98,8 @@ input_files::settings_file! {
     struct HomeFile {
         mark: u32,
         robot_hash: String,
+        servo_ids: Vec<u8>,
+        directions: Vec<i8>,
         zeros: Vec<i32>,
     }
     defaults {}
@@ -100,23 +109,33 @@ impl Home {
     /// What the last homing found.
     ///
     /// # Errors
-    /// [`SettingsError`], also where it is another robot's.
+    /// [`SettingsError`], also where it is another robot's, or was found with other servos or directions.
     pub(crate) fn read(config: &DynamixelConfig) -> Result<Self, SettingsError> {
         let file = SettingsFile { path: &config.home };
         let HomeFile {
             mark,
             robot_hash,
+            servo_ids,
+            directions,
             zeros,
         } = file.read()?;
         let own = hash_of(config);
         let allowed = format!("{own}, that of the robot file: home this robot");
         file.require(robot_hash == own, "robot_hash", &robot_hash, allowed)?;
+        let allowed = format!("{:?}, those of the driver's file", config.servo_ids);
+        let fits = servo_ids == config.servo_ids;
+        file.require(fits, "servo_ids", format!("{servo_ids:?}"), allowed)?;
+        let allowed = format!("{:?}, those of the driver's file", config.directions);
+        let fits = directions == config.directions;
+        file.require(fits, "directions", format!("{directions:?}"), allowed)?;
         let count = config.servo_ids.len();
         let allowed = format!("{count} positions");
         file.require(zeros.len() == count, "zeros", format!("{zeros:?}"), allowed)?;
         Ok(Self {
             mark,
             robot_hash,
+            servo_ids,
+            directions,
             zeros,
         })
     }
@@ -148,7 +167,9 @@ pub fn home(config: &DynamixelConfig, options: &IpcOptions) -> Result<(), HomeEr
     let homed = wind(&mut bus, config).and_then(|zeros| note(&mut bus, config, zeros));
     if homed.is_err() {
         // Each by itself would end at the first one that does not answer.
-        let _ = bus.set_all_u8(TORQUE_ENABLE, 0);
+        for _ in 0..LETS_GO {
+            let _ = bus.set_all_u8(TORQUE_ENABLE, 0);
+        }
     }
     homed
 }
@@ -161,6 +182,8 @@ fn note(bus: &mut ServoBus, config: &DynamixelConfig, zeros: Vec<i32>) -> Result
     let home = Home {
         mark,
         robot_hash: hash_of(config),
+        servo_ids: config.servo_ids.clone(),
+        directions: config.directions.clone(),
         zeros,
     };
     home.write(config)
@@ -185,9 +208,12 @@ fn wind(bus: &mut ServoBus, config: &DynamixelConfig) -> Result<Vec<i32>, HomeEr
         .map(|(state, direction)| state.position - i32::from(*direction) * most)
         .collect();
     bus.set_u8(TORQUE_ENABLE, 1)?;
+    bus.set_u8(BUS_WATCHDOG, WINDING_WATCHDOG)?;
     bus.send_goals(&ends)?;
     let zeros = wait_until_tense(bus, config, &ends)?;
-    bus.send_goals(&zeros)?;
+    bus.set_u8(BUS_WATCHDOG, 0)?;
+    // Confirmed: a servo that still went to the end would pull there with the torque limit.
+    bus.set_goals(&zeros)?;
     Ok(zeros)
 }
 

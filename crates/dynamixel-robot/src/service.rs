@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use input_files::SettingsError;
 use robot_driver::{
     DriverSettings, ReferenceLimits, RobotConnection, RobotDriver, TENDONS, TendonState,
-    TendonVector,
+    TendonVector, off_configuration_m,
 };
 use shared_types::codes::MotorFault;
 use shared_types::ipc::{IpcError, IpcOptions};
@@ -16,7 +16,9 @@ use crate::bus::{BusError, ServoBus, ServoState};
 use crate::config::DynamixelConfig;
 use crate::health::Health;
 use crate::home::Home;
-use crate::registers::{BUS_WATCHDOG, GOAL_CURRENT, PROFILE_VELOCITY, SCRATCH, TORQUE_ENABLE};
+use crate::registers::{
+    BUS_WATCHDOG, GOAL_CURRENT, PROFILE_VELOCITY, SCRATCH, TORQUE_ENABLE, WATCHDOG_MS,
+};
 use crate::spools::Spools;
 
 /// Share of a cycle that writing and reading may take.
@@ -25,6 +27,9 @@ const SHARE_OF_A_CYCLE: f64 = 0.8;
 const ROUNDS: usize = 20;
 /// Time that the servos have for their first answers.
 const FIRST_ANSWERS: Duration = Duration::from_millis(500);
+
+/// Time in which a tendon at its velocity limit goes as far as the servos may jump at the begin, s.
+const LARGEST_JUMP_S: f64 = 0.02;
 
 /// Why the robot is not driven.
 #[derive(Debug, thiserror::Error)]
@@ -43,6 +48,16 @@ pub enum DriverError {
     Homeless {
         /// The servo's id.
         id: u8,
+    },
+    /// The servos stand where no configuration has them.
+    #[error(
+        "the servos stand {off_mm:.2} mm from the lengths of every configuration, {most_mm:.2} mm are allowed: is each tendon on its servo, and its direction          right? `pcc home`"
+    )]
+    OffConfiguration {
+        /// How far, mm.
+        off_mm: f64,
+        /// What is allowed, mm.
+        most_mm: f64,
     },
     /// The line does not carry what a cycle needs.
     #[error(
@@ -77,9 +92,13 @@ struct Process {
     cycle: usize,
     goals: Vec<i32>,
     measured_m: TendonVector,
+    /// Time without a packet after which the servos stop and take no goal any more; none: never.
+    watchdog: Option<Duration>,
+    /// When the last packet was sent.
+    sent: Instant,
 }
 
-/// Drives the robot until it is told to shut down; the servos then hold where they are.
+/// Drives the robot until it is told to shut down; it then ramps to rest, and the servos hold.
 ///
 /// # Errors
 /// [`DriverError`].
@@ -90,7 +109,7 @@ pub fn run(
 ) -> Result<(), DriverError> {
     let settings = DriverSettings {
         period: config.period,
-        limits: ReferenceLimits::of(&config.robot),
+        limits: ReferenceLimits::of(&config.robot, config.period),
     };
     let connection = RobotConnection::open(options, &config.robot, &settings)?;
     let mut bus = ServoBus::open(&config.device, config.baud, &config.servo_ids)?;
@@ -106,9 +125,10 @@ pub fn run(
         turns[0].len(),
         bus.count()
     );
-    hold(&mut bus, &goals, config)?;
     let spools = Spools::new(config.robot.spool_radius, &config.directions, home.zeros);
     let measured_m = spools.lengths_m(&goals);
+    check_lengths(config, &measured_m)?;
+    hold(&mut bus, &goals, config)?;
     let state = TendonState {
         position_m: measured_m,
         velocity_m_s: [0.0; TENDONS],
@@ -129,6 +149,10 @@ pub fn run(
         cycle: 0,
         goals,
         measured_m,
+        watchdog: Some(u32::from(config.bus_watchdog) * WATCHDOG_MS)
+            .filter(|watchdog_ms| *watchdog_ms > 0)
+            .map(|watchdog_ms| Duration::from_millis(watchdog_ms.into())),
+        sent: Instant::now(),
         spools,
         bus,
     };
@@ -148,6 +172,19 @@ fn check_marks(bus: &mut ServoBus, mark: u32) -> Result<(), DriverError> {
         Some(tendon) => Err(DriverError::Homeless { id: bus.id(tendon) }),
         None => Ok(()),
     }
+}
+
+/// Checks that the servos hardly jump where they are driven from.
+fn check_lengths(config: &DynamixelConfig, lengths_m: &TendonVector) -> Result<(), DriverError> {
+    let off_m = off_configuration_m(&config.robot, lengths_m);
+    let most_m = LARGEST_JUMP_S * config.robot.tendon_limits.velocity;
+    if off_m <= most_m {
+        return Ok(());
+    }
+    Err(DriverError::OffConfiguration {
+        off_mm: 1e3 * off_m,
+        most_mm: 1e3 * most_m,
+    })
 }
 
 /// Has the servos hold these positions with the torque limit.
@@ -207,6 +244,10 @@ impl Process {
         while !shutdown.load(Ordering::Relaxed) {
             self.step();
         }
+        self.driver.ramp_to_rest();
+        while !self.driver.is_at_rest() {
+            self.step();
+        }
         // The servos hold while nobody talks to them.
         self.bus.set_u8(BUS_WATCHDOG, 0)?;
         info!("ended");
@@ -235,12 +276,18 @@ impl Process {
             health,
             measured_m,
             marks_due,
+            watchdog,
+            sent,
             ..
         } = self;
+        if watchdog.is_some_and(|watchdog| sent.elapsed() > watchdog) {
+            health.trip_watchdogs();
+        }
         let tendons = &self.turns[self.cycle % self.turns.len()];
         self.cycle += 1;
         bus.send_goals(&self.goals)?;
         bus.ask_for_states(tendons)?;
+        *sent = Instant::now();
         bus.receive_states(tendons.len(), deadline, |tendon, state: ServoState| {
             measured_m[tendon] = spools.length_m(tendon, state.position);
             let is_slack = state.current.unsigned_abs() < self.slack;
@@ -249,7 +296,7 @@ impl Process {
         // An answer that is lost is asked for again in the next cycle; a line that is lost says so when goals are written.
         let due = marks_due.iter().position(|is_due| *is_due);
         if let Some(tendon) = due
-            && let Ok(mark) = bus.read_u32_of(tendon, SCRATCH)
+            && let Some(mark) = bus.try_read_u32(tendon, SCRATCH)
         {
             marks_due[tendon] = false;
             if mark != self.mark {
@@ -268,6 +315,9 @@ impl Process {
         let servo = tendon.map(|tendon| self.bus.id(tendon));
         match (fault, servo) {
             (MotorFault::None, _) => info!("all servos answer"),
+            (MotorFault::Bus, _) if self.health.watchdogs_have_tripped() => warn!(
+                "nothing was sent for longer than bus_watchdog_ms: the servos have stopped and take no goal; start the driver again"
+            ),
             (MotorFault::Bus, _) => warn!("no servo answers"),
             (MotorFault::Motor, Some(id)) => {
                 warn!("servo {id} is in error: its hardware error status says why");

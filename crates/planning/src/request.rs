@@ -91,10 +91,10 @@ pub struct Request {
 /// A motion whose end may be moved.
 #[derive(Clone, Debug)]
 pub struct EndToMove {
-    /// What is left of the motion, from the start of the request on.
-    pub left: Arc<Trajectory>,
-    /// Knots that the motion with its end moved may have.
-    pub knots: usize,
+    /// What remains of the motion, from the start of the request on.
+    pub remaining: Arc<Trajectory>,
+    /// Knots that the motion with its end moved may have, 256 at most.
+    pub most_knots: usize,
 }
 
 /// Asked between the steps of planning a request; true truncates it.

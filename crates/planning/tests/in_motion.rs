@@ -9,13 +9,13 @@ use beside_a_ball::{plan, problem, request};
 use collision::{Ball, Scene, certify_trajectory, minimum_clearance};
 use pcc_model::{Configuration, Point, SECTIONS};
 use planning::{
-    Candidate, EarlySelection, EndToMove, Goal, Infeasible, MovingObstacles, PathMetrics, Plan,
-    Planner, PlannerError, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision,
-    ToBeDone, select,
+    Candidate, EarlySelection, Goal, Infeasible, MovingObstacles, PathMetrics, Plan, Planner,
+    PlannerError, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, ToBeDone,
+    select,
 };
 use shipped::planner;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
 use trajectory::{Knot, State, Trajectory, limit_use};
 
 fn plan_selecting_early(
@@ -131,97 +131,6 @@ fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
             ..figures
         };
         assert_eq!(candidate.metrics, same, "of the whole motion");
-    }
-}
-
-/// A request for a tip goal that has moved by so many section lengths since the motion that is followed was planned to it, which leaves some
-/// of the limits.
-fn following_a_target(planner: &Planner, scene: Scene, by: f64) -> (Problem, Request) {
-    let gentle = Request {
-        limits_scale: 0.7,
-        ..request()
-    };
-    let first = plan(planner, &problem(), &gentle);
-    let motion = &selected(&first).trajectory;
-    let left = motion.left_from(0.4 * motion.duration()).unwrap();
-    let target = planner.robot().tip(&left.end()) + Point::new(0.6, 0.8, 0.0) * by;
-    let moved = Problem {
-        goal: Goal::Tip(target),
-        scene,
-        ..problem()
-    };
-    let (moving, in_motion) = leaving_in(moved, &left.at(0.0));
-    let in_motion = Request {
-        end_to_move: Some(EndToMove {
-            left: Arc::new(left),
-            knots: trajectory::MAX_KNOTS,
-        }),
-        ..in_motion
-    };
-    (moving, in_motion)
-}
-
-#[test]
-fn the_end_of_a_motion_is_moved_to_a_target_that_moves() {
-    let planner = planner(1);
-    let (moving, in_motion) = following_a_target(&planner, Scene::default(), 0.01);
-    let answer = plan(&planner, &moving, &in_motion);
-    assert_eq!(answer.candidates.len(), 1);
-    let candidate = &answer.candidates[0];
-    assert_eq!(candidate.source, Source::MovedEnd);
-    let followed = &in_motion.end_to_move.as_ref().unwrap().left;
-    let begin = &followed.knots()[0];
-    assert_begin_at(&planner, &moving.scene, begin, answer.candidates.iter());
-    let (motion, robot) = (&candidate.trajectory, planner.robot());
-    let Goal::Tip(target) = moving.goal else {
-        panic!("a tip");
-    };
-    assert!((robot.tip(&motion.end()) - target).norm() < 1e-8);
-    let [near, far] = [0.01, 0.3].map(|time_s| {
-        let [moved, before] = [motion, followed].map(|it| it.at(time_s).position);
-        (moved - before).norm()
-    });
-    assert!(near < 1e-6 && far > 1e-3, "{near} {far}");
-}
-
-#[test]
-fn an_end_that_cannot_be_moved_is_planned_anew() {
-    let planner = planner(1);
-    let (moving, in_motion) = following_a_target(&planner, Scene::default(), 0.01);
-    let followed = &in_motion.end_to_move.as_ref().unwrap().left;
-    let tip = planner
-        .robot()
-        .tip(&followed.at(0.5 * followed.duration()).position);
-    let in_the_way = Scene::new(vec![Ball {
-        centre: tip,
-        radius: 0.1,
-    }])
-    .unwrap();
-    let too_far = following_a_target(&planner, Scene::default(), 0.3);
-    let blocked = following_a_target(&planner, in_the_way, 0.01);
-    let gentle = Request {
-        limits_scale: 0.3,
-        ..in_motion.clone()
-    };
-    let full = Request {
-        end_to_move: Some(EndToMove {
-            left: Arc::clone(followed),
-            knots: followed.knots().len() + 3,
-        }),
-        ..in_motion.clone()
-    };
-    for (problem, request) in [too_far, blocked, (moving.clone(), gentle), (moving, full)] {
-        let answer = plan(&planner, &problem, &request);
-        let anew = Request {
-            end_to_move: None,
-            ..request
-        };
-        let expected = plan(&planner, &problem, &anew);
-        let durations = |plan: &Plan| -> Vec<f64> {
-            let all = plan.candidates.iter();
-            all.map(|it| it.metrics.duration_s).collect()
-        };
-        assert_eq!(durations(&answer), durations(&expected));
     }
 }
 

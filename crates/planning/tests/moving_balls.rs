@@ -7,11 +7,10 @@ mod shipped;
 use collision::{Ball, MovingBall, Scene, TimeSpread};
 use pcc_model::{Configuration, Point, UnitRobot};
 use planning::{
-    EndToMove, Failure, Goal, Infeasible, MovingBalls, MovingObstacles, Plan, Planner,
-    PlannerError, Problem, Request, Sampler, Source, StartMotion, Supervision, Via,
+    Failure, Goal, Infeasible, MovingBalls, MovingObstacles, Plan, Planner, PlannerError, Problem,
+    Sampler, StartMotion, Supervision, Via,
 };
 use shipped::planner;
-use std::sync::Arc;
 use trajectory::{BRAKING_SHARE, RateLaw, Trajectory};
 
 const SPREAD: TimeSpread = TimeSpread {
@@ -72,48 +71,6 @@ fn clearance(robot: &UnitRobot, moving: &MovingObstacles, motion: &Trajectory) -
     };
     let times = (0..=300).map(|i| motion.duration() * f64::from(i) / 300.0);
     times.map(at).fold(f64::INFINITY, f64::min)
-}
-
-#[test]
-fn the_end_of_a_motion_is_moved_only_where_no_ball_comes() {
-    let planner = planner(1);
-    let robot = planner.robot();
-    let still = Problem {
-        moving: MovingObstacles::default(),
-        ..problem(robot, 0.0)
-    };
-    let gentle = Request {
-        limits_scale: 0.7,
-        ..requests::request(Sampler::Straight, 3)
-    };
-    let first = planner.plan(&still, &gentle, &|| false).unwrap();
-    let motion = &first.candidates[0].trajectory;
-    let left = motion.left_from(0.2 * motion.duration()).unwrap();
-    let begin = left.at(0.0);
-    let request = Request {
-        start_motion: Some(StartMotion {
-            velocity: begin.velocity,
-            acceleration: begin.acceleration,
-        }),
-        end_to_move: Some(EndToMove {
-            left: Arc::new(left.clone()),
-            knots: trajectory::MAX_KNOTS,
-        }),
-        ..requests::request(Sampler::Straight, 3)
-    };
-    for (met_s, is_moved) in [(60.0, true), (0.4 * motion.duration(), false)] {
-        let problem = Problem {
-            start: begin.position,
-            goal: Goal::Tip(robot.tip(&left.end()) + Point::new(0.006, 0.008, 0.0)),
-            ..problem(robot, met_s)
-        };
-        let plan = planner.plan(&problem, &request, &|| false).unwrap();
-        assert!(!plan.candidates.is_empty());
-        for candidate in &plan.candidates {
-            assert_eq!(candidate.source == Source::MovedEnd, is_moved);
-            assert!(clearance(robot, &problem.moving, &candidate.trajectory) > 0.0);
-        }
-    }
 }
 
 #[test]

@@ -28,13 +28,9 @@ impl DrivenRobot {
     #[must_use]
     pub fn new(robot: &Robot, limits: ReferenceLimits, state: &TendonState) -> Self {
         let (tendons, now_ns) = (robot.tendons.clone(), mono_now_ns());
-        let count = tendons.count();
-        let shape = tendons.configuration(&state.position_m[..count]);
-        let mut position_m = [0.0; TENDONS];
-        tendons.lengths(&shape, &mut position_m[..count]);
         let state = TendonState {
-            position_m,
-            ..*state
+            position_m: nearest_lengths(&tendons, &state.position_m),
+            velocity_m_s: nearest_lengths(&tendons, &state.velocity_m_s),
         };
         let reference = Reference::new(limits, now_ns, &state);
         Self {
@@ -81,6 +77,11 @@ impl DrivenRobot {
         }
     }
 
+    /// Ramps to rest from now on.
+    pub fn ramp_to_rest(&mut self) {
+        self.reference.ramp_to_rest();
+    }
+
     /// Whether the motors are to stand still.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
@@ -99,4 +100,22 @@ impl DrivenRobot {
         }
         self.mode = mode;
     }
+}
+
+/// The lengths of the configuration that fits tendon lengths best, or the same of their rates: both are linear in it.
+fn nearest_lengths(tendons: &TendonMap, lengths: &TendonVector) -> TendonVector {
+    let count = tendons.count();
+    let shape = tendons.configuration(&lengths[..count]);
+    let mut nearest = [0.0; TENDONS];
+    tendons.lengths(&shape, &mut nearest[..count]);
+    nearest
+}
+
+/// How far tendon lengths (m, relative to the straight robot) are from those of the configuration that fits them best, m: so far motors that are
+/// driven from there jump at the begin.
+#[must_use]
+pub fn off_configuration_m(robot: &Robot, lengths_m: &TendonVector) -> f64 {
+    let nearest = nearest_lengths(&robot.tendons, lengths_m);
+    let pairs = nearest.iter().zip(lengths_m);
+    pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
 }

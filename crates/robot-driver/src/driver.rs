@@ -18,6 +18,8 @@ use crate::tendon_vector::TendonVector;
 
 /// Time between two heartbeats, ns.
 const HEARTBEAT_PERIOD_NS: i64 = 20_000_000;
+/// Usual length of a cycle.
+const PERIOD: Duration = Duration::from_millis(1);
 
 /// How a driver's loop runs, and what it lets its motors do.
 #[derive(Clone, Copy, Debug)]
@@ -33,8 +35,8 @@ impl DriverSettings {
     #[must_use]
     pub fn of(robot: &Robot) -> Self {
         Self {
-            period: Duration::from_millis(1),
-            limits: ReferenceLimits::of(robot),
+            period: PERIOD,
+            limits: ReferenceLimits::of(robot, PERIOD),
         }
     }
 }
@@ -121,6 +123,17 @@ impl RobotDriver {
         if let Err(error) = self.connection.states.send_copy(state) {
             debug!(?error, "cannot send the state");
         }
+    }
+
+    /// Ramps to rest from now on, as a driver does before it ends; cycles go on until [`Self::is_at_rest`].
+    pub fn ramp_to_rest(&mut self) {
+        self.driven.ramp_to_rest();
+    }
+
+    /// Whether the motors are to stand still.
+    #[must_use]
+    pub fn is_at_rest(&self) -> bool {
+        self.driven.is_at_rest()
     }
 
     fn beat(&mut self, now_ns: i64) {

@@ -27,9 +27,9 @@ mod shared_memory;
 mod tendon_vector;
 
 pub use config::{ConfigError, check_loop, robot_of};
-pub use driven_robot::DrivenRobot;
+pub use driven_robot::{DrivenRobot, off_configuration_m};
 pub use driver::{DriverSettings, RobotConnection, RobotDriver};
 pub use reference::{FAULT_SILENCE_NS, Reference};
-pub use setpoint::{Mode, MotorTargets, ReferenceLimits, Refusal, TendonState};
+pub use setpoint::{Mode, MotorTargets, ReferenceLimits, Refusal, TendonState, longest_cycle_ns};
 pub use shared_memory::claim_shared_memory;
 pub use tendon_vector::{TENDONS, TendonVector};

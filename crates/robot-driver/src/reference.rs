@@ -5,6 +5,10 @@
 //! and that factor falls so fast that the fastest tendon decelerates at the acceleration limit. A ramp that has begun
 //! is finished: set-points are refused until the robot is at rest, and then only those that begin where it stands.
 //!
+//! No cycle counts for more than [`ReferenceLimits::longest_cycle_ns`]. In a pause of the whole machine nobody can send, so that the controller
+//! is not lost, and its next set-point is a short step further; where the driver alone is held up, the controller has gone on, and what it
+//! then sends is too far: a fault, and a ramp from where the motors are.
+//!
 //! A set-point that breaks a rule while the robot follows latches a fault: the old reference is kept and ramped to
 //! rest. The fault lasts until the line has been silent for [`FAULT_SILENCE_NS`]: a controller goes silent only when
 //! it starts or is reset.
@@ -16,10 +20,6 @@ use shared_types::message::Setpoint;
 
 /// Silence after which a latched fault is forgiven, ns.
 pub const FAULT_SILENCE_NS: i64 = 100_000_000;
-
-/// The most that one cycle adds to the silence, ns: a pause of the whole machine, in which nobody can send, must not count as a lost
-/// controller.
-const LONGEST_CYCLE_NS: i64 = 5_000_000;
 
 /// A set-point may be stamped this far in the future, ns (both ends read the same clock).
 const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
@@ -140,9 +140,10 @@ impl Reference {
     /// Moves the reference on to `now_ns`.
     pub fn advance(&mut self, now_ns: i64) {
         let elapsed_ns = (now_ns - self.stepped_ns).max(0);
-        let elapsed_s = seconds(elapsed_ns);
+        let counted_ns = elapsed_ns.min(self.limits.longest_cycle_ns);
+        let elapsed_s = seconds(counted_ns);
         self.stepped_ns += elapsed_ns;
-        self.silent_ns += elapsed_ns.min(LONGEST_CYCLE_NS);
+        self.silent_ns += counted_ns;
         let silent_ns = self.silent_ns;
         match self.mode {
             Mode::Following if silent_ns > self.limits.lost_after_ns => {
@@ -158,6 +159,13 @@ impl Reference {
                 }
             }
             Mode::Idle | Mode::AtRestAfterLoss => {}
+        }
+    }
+
+    /// Ramps to rest from now on.
+    pub fn ramp_to_rest(&mut self) {
+        if self.mode == Mode::Following {
+            self.begin_ramp(Mode::Ramping);
         }
     }
 
@@ -210,12 +218,21 @@ impl Reference {
             Mode::Following if target.stamp_mono_ns <= self.anchor.stamp_mono_ns => {
                 return Err(Refusal::Stamp);
             }
-            Mode::Following => seconds(target.stamp_mono_ns - self.anchor.stamp_mono_ns),
+            Mode::Following => {
+                let elapsed_ns = target.stamp_mono_ns - self.anchor.stamp_mono_ns;
+                seconds(elapsed_ns.min(self.longest_step_ns()))
+            }
         };
         if target.stamp_mono_ns > now_ns + STAMP_ALLOWANCE_NS {
             return Err(Refusal::Stamp);
         }
         self.check_steps(elapsed_s, target)
+    }
+
+    /// The longest time that a set-point may be ahead of the one before it in its motion, ns.
+    fn longest_step_ns(&self) -> i64 {
+        let limits = &self.limits;
+        limits.lost_after_ns.max(limits.longest_cycle_ns)
     }
 
     fn check_steps(&self, elapsed_s: f64, target: &Setpoint) -> Result<(), Refusal> {
@@ -309,6 +326,7 @@ mod tests {
         acceleration_m_s2: 0.4,
         allowance: 1.05,
         lost_after_ns: 20_000_000,
+        longest_cycle_ns: 5_000_000,
     };
     const MS: i64 = 1_000_000;
 
@@ -361,6 +379,68 @@ mod tests {
         // v / a = 0.0598 / 0.4 = 149.5 ms of braking after 20 ms of silence.
         assert_eq!(rested_ms, Some(470));
         assert_eq!((reference.ramps_to_rest(), velocity), (1, [0.0; TENDONS]));
+    }
+
+    #[test]
+    fn a_driver_that_was_held_up_does_not_jump_after_the_motion() {
+        let mut reference = at_rest();
+        let last = speed_up(&mut reference, 300);
+        let (before, velocity) = (*reference.position_m(), reference.velocity_m_s());
+        let ahead = |ahead_s: f64| {
+            let mut setpoint = last;
+            setpoint.stamp_mono_ns = 400 * MS;
+            setpoint.acceleration_m_s2 = [0.0; TENDONS];
+            for (position_m, velocity_m_s) in setpoint.position_m.iter_mut().zip(&velocity) {
+                *position_m += ahead_s * velocity_m_s;
+            }
+            setpoint
+        };
+        // A pause of the whole machine: the controller goes on from where it was.
+        let mut paused = reference.clone();
+        paused.step(400 * MS, Some(&ahead(0.020)));
+        assert_eq!(paused.mode(), Mode::Following);
+        // The controller went on for 100 ms.
+        let jump = reference.step(400 * MS, Some(&ahead(0.100)));
+        assert_eq!(reference.mode(), Mode::Fault(Refusal::PositionStep));
+        assert!(largest_difference(&jump.position_m, &before) <= 0.08 * 5e-3);
+    }
+
+    #[test]
+    fn slow_cycles_ramp_to_rest_without_a_halt_before() {
+        for period_ms in [10, 20] {
+            let limits = ReferenceLimits {
+                longest_cycle_ns: 2 * period_ms * MS,
+                ..LIMITS
+            };
+            let mut reference = Reference::new(limits, 0, &TendonState::default());
+            speed_up(&mut reference, 300);
+            let velocity = reference.velocity_m_s()[0];
+            let mut position = reference.position_m()[0];
+            let mut speed = velocity;
+            for cycle in 1..20 {
+                reference.advance((300 + cycle * period_ms) * MS);
+                let next = reference.position_m()[0];
+                let moved = (next - position) / seconds(period_ms * MS);
+                let most = 0.4 * seconds(period_ms * MS) * 1.001;
+                assert!(moved <= speed + 1e-9 && speed - moved <= most, "{cycle}");
+                (position, speed) = (next, moved);
+            }
+            assert_eq!(reference.mode(), Mode::AtRestAfterLoss);
+        }
+    }
+
+    #[test]
+    fn a_reference_that_is_to_rest_takes_no_set_point_on_the_way() {
+        let mut reference = at_rest();
+        let last = speed_up(&mut reference, 300);
+        reference.ramp_to_rest();
+        let next = Setpoint {
+            stamp_mono_ns: 301 * MS,
+            ..last
+        };
+        assert_eq!(reference.offer(301 * MS, &next), Err(Refusal::NotAtRest));
+        (301..600).for_each(|ms| reference.advance(ms * MS));
+        assert_eq!(reference.velocity_m_s(), [0.0; TENDONS]);
     }
 
     #[test]

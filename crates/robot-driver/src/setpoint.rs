@@ -1,5 +1,7 @@
 //! The limits that set-points are checked against, and the results.
 
+use std::time::Duration;
+
 use pcc_model::Robot;
 use shared_types::codes::MotorState;
 
@@ -9,6 +11,8 @@ use crate::tendon_vector::TendonVector;
 const USUAL_ALLOWANCE: f64 = 1.05;
 /// Time without a set-point after which a robot ramps to rest, ns.
 const USUAL_LOST_AFTER_NS: i64 = 20_000_000;
+/// The most that a short cycle counts, ns.
+const SHORT_CYCLE_NS: i64 = 5_000_000;
 
 /// Limits of the reference, for each tendon.
 #[derive(Clone, Copy, Debug)]
@@ -21,19 +25,28 @@ pub struct ReferenceLimits {
     pub allowance: f64,
     /// Time without a set-point after which the ramp to rest begins, ns.
     pub lost_after_ns: i64,
+    /// The most that one cycle counts, ns: a longer one is a pause of the whole machine or of the driver.
+    pub longest_cycle_ns: i64,
 }
 
 impl ReferenceLimits {
-    /// The limits of a robot file; set-points are accepted up to 1.05 of them, and lost after 20 ms.
+    /// The limits of a robot file, for cycles of this length; set-points are accepted up to 1.05 of the limits, and lost after 20 ms.
     #[must_use]
-    pub fn of(robot: &Robot) -> Self {
+    pub fn of(robot: &Robot, period: Duration) -> Self {
         Self {
             velocity_m_s: robot.tendon_limits.velocity,
             acceleration_m_s2: robot.tendon_limits.acceleration,
             allowance: USUAL_ALLOWANCE,
             lost_after_ns: USUAL_LOST_AFTER_NS,
+            longest_cycle_ns: longest_cycle_ns(period),
         }
     }
+}
+
+/// The most that a cycle of this length counts, ns: two of them, 5 ms at least.
+#[must_use]
+pub fn longest_cycle_ns(period: Duration) -> i64 {
+    (2 * period.as_nanos() as i64).max(SHORT_CYCLE_NS)
 }
 
 /// Where tendons are, and how they move; by default at rest in the straight robot.

@@ -43,8 +43,11 @@ impl Supervisor {
         };
         let heard = self.state.as_ref();
         let heard = heard.map(|state| HeardOrders::from(&state.values));
-        if !heard.is_some_and(|heard| heard.is_of_daemon(self.instance)) {
+        let Some(heard) = heard.filter(|heard| heard.is_of_daemon(self.instance)) else {
             return Err(ExecutionRefusal::DaemonUnheard);
+        };
+        if selected.timing.requested_mono_ns <= heard.wanted_from_mono_ns {
+            return Err(ExecutionRefusal::EndedByOrder);
         }
         if !self.stop_order.can_be_given() {
             return Err(ExecutionRefusal::CommandUnserved);

@@ -16,6 +16,9 @@ pub(crate) enum ExecutionRefusal {
     /// The controller takes motions of another daemon.
     #[error("the controller has not heard this daemon's heart yet; it takes motions once it has")]
     DaemonUnheard,
+    /// The controller takes nothing any more that was asked for so early.
+    #[error("a stop, a reset or a start of the controller came after the request, and ends it")]
+    EndedByOrder,
     /// The controller is set up for another robot.
     #[error(
         "the controller's robot is {found:016x}, this daemon's {expected:016x}: their robot files differ"

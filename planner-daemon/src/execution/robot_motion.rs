@@ -15,6 +15,8 @@ use crate::live_scene::Timing;
 
 /// Least path time between a switch and a knot of the motion that is left, s; the controller wants 0.4 ms.
 const SWITCH_GAP_S: f64 = 6e-4;
+/// Least path time between the robot and a switch, s: one that rests on its path leaves it once it goes on.
+const LEAST_AHEAD_S: f64 = 1e-3;
 /// Time that a motion takes from a switch until it has braked, s: 0.3 s at the shipped robots' limits, and some more.
 const BRAKING_S: f64 = 0.4;
 
@@ -136,7 +138,7 @@ impl FollowedMotion {
     }
 
     fn earliest_s(&self, lead: Duration, now_mono_ns: i64) -> f64 {
-        self.latest_s(now_mono_ns) + lead.as_secs_f64() * self.fastest_rate
+        self.latest_s(now_mono_ns) + (lead.as_secs_f64() * self.fastest_rate).max(LEAST_AHEAD_S)
     }
 
     /// Its state at a time, if it has gone as fast as it can.

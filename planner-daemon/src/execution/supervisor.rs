@@ -74,8 +74,9 @@ impl HeardOrders {
 
 /// Whether a motion was published for a goal that was withdrawn, up to this motion of it (0: none), or is left by such a one.
 fn is_withdrawn(id: u32, withdrawn_id: u32) -> bool {
-    // Ids begin again after the largest.
-    withdrawn_id != 0 && withdrawn_id.wrapping_sub(id) < u32::MAX / 2
+    // Ids begin again after the largest; they follow the clock in steps of 10 ms.
+    const TWO_DAYS: u32 = 1 << 24;
+    withdrawn_id != 0 && withdrawn_id.wrapping_sub(id) < TWO_DAYS
 }
 
 /// Publishers and state of the thread.

@@ -323,16 +323,13 @@ fn failures(plan: &Plan, undeliverable: usize) -> String {
     let parts: Vec<String> = parts
         .map(|(count, text)| format!("{count} {text}"))
         .collect();
-    if plan
-        .candidates
-        .iter()
-        .any(|it| it.source == Source::MovedEnd)
-    {
-        "the end of the motion under way is moved".to_owned()
-    } else if parts.is_empty() {
-        "no more goal configurations".to_owned()
-    } else {
+    let mut sources = plan.candidates.iter().map(|candidate| candidate.source);
+    if !parts.is_empty() {
         parts.join(", ")
+    } else if sources.any(|source| source == Source::MovedEnd) {
+        "the end of the motion under way is moved".to_owned()
+    } else {
+        "no more goal configurations".to_owned()
     }
 }
 
@@ -443,17 +440,21 @@ mod tests {
         let knots = plan.candidates[0].trajectory.knots().len();
         task.request.knots = knots - 1;
         plan.candidates[0].source = Source::MovedEnd;
-        for (end_moved, outcome) in [(knots, Outcome::Ok), (knots - 1, Outcome::NoPath)] {
-            task.knots.end_moved = end_moved;
-            assert_eq!(answer(&task, plan.clone()).outcome(), Some(outcome));
-        }
-        task.knots.end_moved = knots;
         task.request.candidates = 4;
-        let answer = answer(&task, plan);
-        assert!(
-            answer.report.reason.text().contains("1 of 4")
-                && answer.report.reason.text().contains("is moved")
-        );
+        for (end_moved, outcome, reason) in [
+            (
+                knots,
+                Outcome::Ok,
+                "1 of 4 candidates: the end of the motion",
+            ),
+            (knots - 1, Outcome::NoPath, "too many knots"),
+        ] {
+            task.knots.end_moved = end_moved;
+            let answer = answer(&task, plan.clone());
+            assert_eq!(answer.outcome(), Some(outcome));
+            let told = answer.report.reason.text();
+            assert!(told.contains(reason), "{told}");
+        }
     }
 
     #[test]

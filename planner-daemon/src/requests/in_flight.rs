@@ -17,6 +17,10 @@ use shared_types::codes::{PlanDependence, Sampler};
 const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
 /// Addition to [`DELIVERY_MARGIN`] for each candidate, for its knots to be written and read.
 const DELIVERY_MARGIN_PER_CANDIDATE: Duration = Duration::from_micros(20);
+/// Longest wait of appended goals for a switch that is under way; it does not count against their deadline.
+const LONGEST_WAIT_OF_GOALS: Duration = Duration::from_millis(600);
+/// Longest wait of other requests until the robot can be left.
+const LONGEST_WAIT: Duration = Duration::from_millis(100);
 /// Times that a request is planned whose plan comes too late for its switch or for the live scene.
 const ATTEMPTS: u32 = 3;
 
@@ -28,10 +32,28 @@ pub(super) struct Queued {
 }
 
 impl Queued {
-    /// When planning must end, so that the answer arrives by the deadline.
-    pub(super) fn deadline(&self) -> Instant {
+    /// When planning that began after such a wait must end, so that the answer arrives by the deadline.
+    pub(super) fn deadline(&self, waited: Duration) -> Instant {
         let whole = self.task.deadline;
-        self.received + (whole - delivery_margin(self.task.request.candidates, whole))
+        let excused = match self.task.appends {
+            true => waited.min(LONGEST_WAIT_OF_GOALS),
+            false => Duration::ZERO,
+        };
+        self.received + (whole - delivery_margin(self.task.request.candidates, whole)) + excused
+    }
+
+    /// When it is answered where it still waits for its turn.
+    pub(super) fn expires(&self) -> Instant {
+        self.deadline(Duration::MAX)
+    }
+
+    /// Whether it may go on waiting for the robot.
+    pub(super) fn can_wait(&self, now: Instant) -> bool {
+        let longest = match self.task.appends {
+            true => LONGEST_WAIT_OF_GOALS,
+            false => LONGEST_WAIT,
+        };
+        now < (self.received + longest).min(self.expires())
     }
 
     /// What decides how long it takes until its motion can be executed, which may be before the plan is complete.
@@ -123,6 +145,32 @@ fn delivery_margin(candidates: usize, whole: Duration) -> Duration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::task;
+    use shared_types::message::PlanRequest;
+
+    #[test]
+    fn appended_goals_are_excused_for_their_wait_and_others_wait_no_longer_than_their_deadline() {
+        let ms = Duration::from_millis;
+        let received = Instant::now();
+        let queued = |appends: bool, deadline: Duration| Queued {
+            asker: Asker::GoalKeeper(Box::new(PlanRequest::ZEROED)),
+            task: PlanTask {
+                appends,
+                deadline,
+                ..task()
+            },
+            received,
+        };
+        let short = queued(false, ms(20));
+        assert_eq!(short.deadline(ms(300)), short.expires());
+        assert!(short.can_wait(received + ms(15)) && !short.can_wait(received + ms(20)));
+        let patient = queued(false, ms(1_000));
+        assert!(patient.can_wait(received + ms(99)) && !patient.can_wait(received + ms(100)));
+        let appended = queued(true, ms(20));
+        assert_eq!(appended.deadline(ms(300)), short.expires() + ms(300));
+        assert_eq!(appended.expires(), short.expires() + ms(600));
+        assert!(appended.can_wait(received + ms(599)) && !appended.can_wait(received + ms(600)));
+    }
 
     #[test]
     fn work_ends_sooner_before_a_deadline_of_many_candidates_and_halfway_to_a_short_one() {

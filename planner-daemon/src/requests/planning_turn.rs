@@ -28,10 +28,6 @@ use crate::execution::{
 };
 use crate::goal_keeping::{PublishedMotion, Wanted};
 
-/// Longest wait for a motion that ends or is left in a moment, before a request that begins where the robot is is refused.
-const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
-/// The same of a request whose goals are appended: a motion that is to be joined may be joined only once it has passed a goal.
-const LONGEST_DEFERRAL_OF_GOALS: Duration = Duration::from_millis(600);
 /// Longest delay of the begin of a motion to the goal that stays, s: the next plan is made sooner.
 const LONGEST_DELAY_TO_GOAL_S: f64 = 0.05;
 
@@ -65,7 +61,7 @@ impl Service {
         let foreseen = lead(queued.kind(selects_early));
         let Start { begin, problem } = match self.start(&mut queued.task, foreseen) {
             Ok(start) => start,
-            Err(NotReady::Passes(_)) if waited < longest_deferral(&queued.task) => {
+            Err(NotReady::Passes(_)) if queued.can_wait(begun) => {
                 self.deferred = Some((queued, attempt));
                 return false;
             }
@@ -103,7 +99,7 @@ impl Service {
             problem,
             via: queued.task.whole_via(),
             request: queued.task.request.clone(),
-            deadline: queued.deadline() + excused(&queued.task, waited),
+            deadline: queued.deadline(waited),
             early: self.early(&queued.task),
             late_switch,
             cancelled: Arc::clone(&cancelled),
@@ -344,6 +340,7 @@ impl Service {
         selected: Option<&Candidate>,
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let requested_mono_ns = in_flight.queued.task.requested_mono_ns?;
+        // Of its time nothing can be learned for other plans.
         let is_moved_end = selected.is_some_and(|it| it.source == Source::MovedEnd);
         if let (PlanBegin::AtSwitch(_), Some(kind), false) =
             (in_flight.begin, in_flight.kind, is_moved_end)
@@ -433,27 +430,9 @@ impl InFlight {
             Err(ExecutionRefusal::SwitchMissed { .. } | ExecutionRefusal::SceneInTheWay(_))
         );
         let is_wanted = self.queued.asker.is_waiting();
-        let is_in_time = Instant::now() < self.queued.deadline();
+        let is_in_time = Instant::now() < self.queued.deadline(self.waited);
         let next = self.attempt.next(self.took);
         next.filter(|_| is_out_of_date && is_wanted && is_in_time)
-    }
-}
-
-/// Longest wait of a task before it is refused where it cannot begin yet.
-fn longest_deferral(task: &PlanTask) -> Duration {
-    if task.appends {
-        LONGEST_DEFERRAL_OF_GOALS
-    } else {
-        LONGEST_DEFERRAL
-    }
-}
-
-/// The time that a task has waited and that does not count against its deadline: appended goals wait for a switch that is under way.
-fn excused(task: &PlanTask, waited: Duration) -> Duration {
-    if task.appends {
-        waited.min(LONGEST_DEFERRAL_OF_GOALS)
-    } else {
-        Duration::ZERO
     }
 }
 

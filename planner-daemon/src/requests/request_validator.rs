@@ -349,6 +349,23 @@ mod tests {
     }
 
     #[test]
+    fn a_motion_may_have_the_knots_that_an_answer_holds() {
+        for (candidates, expected) in [(16, [96, 99, 256]), (1, [96, 96, 96])] {
+            let mut validator = validator();
+            validator.capacity.candidates = candidates;
+            let asked = PlanRequest {
+                candidate_count: 1,
+                ..asked()
+            };
+            let knots = validator.knots(&asked);
+            assert_eq!(
+                [knots.from_rest, knots.in_motion, knots.end_moved],
+                expected
+            );
+        }
+    }
+
+    #[test]
     fn a_motion_that_was_asked_for_in_the_future_is_of_another_clock() {
         let now_mono_ns = mono_now_ns();
         let asked_for = |requested_mono_ns| PlanRequest {

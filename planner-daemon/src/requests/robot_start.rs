@@ -42,10 +42,10 @@ pub(super) fn begin_at_robot(
             };
             set_start(task, switch.state.position, Some(motion));
             if task.moves_end && !followed.is_blocked {
-                let left = followed.motion.left_from(switch.path_time_s);
-                task.request.end_to_move = left.map(|left| EndToMove {
-                    left: Arc::new(left),
-                    knots: task.knots.end_moved,
+                let remaining = followed.motion.remaining_from(switch.path_time_s);
+                task.request.end_to_move = remaining.map(|remaining| EndToMove {
+                    remaining: Arc::new(remaining),
+                    most_knots: task.knots.end_moved,
                 });
             }
             Ok(Some(switch))
@@ -192,7 +192,8 @@ mod tests {
         let robot = RobotMotion::Following(followed.clone());
         begin_at_robot(&mut task, &robot, LEAD, 0).unwrap();
         let to_move = task.request.end_to_move.clone().unwrap();
-        assert_eq!(to_move.left.knots()[0].position, task.problem.start);
+        assert_eq!(to_move.most_knots, task.knots.end_moved);
+        assert_eq!(to_move.remaining.knots()[0].position, task.problem.start);
         followed.is_blocked = true;
         let robot = RobotMotion::Following(followed);
         begin_at_robot(&mut task, &robot, 2 * LEAD, 0).unwrap();

@@ -206,6 +206,8 @@ impl Service {
 
     /// Forgets what waits for clients that gave up, and interrupts the plan of one.
     fn drop_cancelled(&mut self) {
+        self.deferred
+            .take_if(|(queued, _)| !queued.asker.is_waiting());
         let dropped = self.queue.take_out(|queued| !queued.asker.is_waiting());
         if !dropped.is_empty() {
             let count = dropped.len();
@@ -221,7 +223,7 @@ impl Service {
     /// Answers queued requests whose deadline has passed, also while another client's long plan runs.
     fn answer_expired(&mut self) {
         let now = Instant::now();
-        for late in self.queue.take_out(|queued| now >= queued.deadline()) {
+        for late in self.queue.take_out(|queued| now >= queued.expires()) {
             let mut answer = Answer::refused(late.task.request_id, &too_late(&late.task));
             answer.set_wait(now - late.received);
             self.send(&mut answer, &late.asker);
@@ -235,7 +237,7 @@ impl Service {
             return std::hint::spin_loop();
         }
         let now = Instant::now();
-        let until = |queued: &Queued| queued.deadline().saturating_duration_since(now);
+        let until = |queued: &Queued| queued.expires().saturating_duration_since(now);
         let limit = self
             .queue
             .iter()

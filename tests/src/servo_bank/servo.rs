@@ -7,6 +7,8 @@ use super::protocol::{ALL, Instruction, PING, READ, REBOOT, SYNC_READ, SYNC_WRIT
 
 /// Bytes of the control table.
 const TABLE: usize = 256;
+/// What the watchdog's register says once it has stopped the servo.
+const TRIPPED: u8 = 0xFF;
 /// Registers: address and bytes.
 const MODEL_NUMBER: usize = 0;
 const RETURN_DELAY_TIME: usize = 9;
@@ -14,7 +16,9 @@ const OPERATING_MODE: usize = 11;
 const TORQUE_ENABLE: usize = 64;
 const HARDWARE_ERROR_STATUS: usize = 70;
 const BUS_WATCHDOG: usize = 98;
+const GOAL_PWM: usize = 100;
 const GOAL_CURRENT: usize = 102;
+const GOAL_VELOCITY: usize = 104;
 const PROFILE_VELOCITY: usize = 112;
 const GOAL_POSITION: usize = 116;
 const PRESENT_CURRENT: usize = 126;
@@ -114,6 +118,7 @@ impl Servo {
 
     /// Does what an instruction says, if it is for this servo; its answer, if it gives one.
     pub(super) fn obey(&mut self, instruction: &Instruction) -> Option<Answer> {
+        self.watch();
         self.heard = Instant::now();
         let Instruction {
             id,
@@ -183,6 +188,11 @@ impl Servo {
         if is_locked || (PRESENT_CURRENT..RAM + 90).contains(&from) {
             return Err(ACCESS);
         }
+        let is_goal = [GOAL_PWM, GOAL_CURRENT, GOAL_VELOCITY, GOAL_POSITION].contains(&from);
+        let resets = from == BUS_WATCHDOG && bytes == [0];
+        if self.table[BUS_WATCHDOG] == TRIPPED && (is_goal || from == BUS_WATCHDOG && !resets) {
+            return Err(ACCESS);
+        }
         let place = self.table.get_mut(from..from + bytes.len()).ok_or(LENGTH)?;
         place.copy_from_slice(bytes);
         if self.table[HARDWARE_ERROR_STATUS] != 0 {
@@ -191,14 +201,23 @@ impl Servo {
         Ok(())
     }
 
+    /// Stops the servo until its watchdog is written to 0, where no packet came for too long.
+    fn watch(&mut self) {
+        let units = self.table[BUS_WATCHDOG];
+        let longest = Duration::from_millis(20) * u32::from(units);
+        if units > 0 && units != TRIPPED && self.heard.elapsed() > longest {
+            self.table[BUS_WATCHDOG] = TRIPPED;
+        }
+    }
+
     /// Turns the motor for some seconds, with a tendon that is stretched by so much, m.
     pub(super) fn step(&mut self, seconds: f64, stretch_m: f64, turns: bool) {
         let pull = STIFFNESS * stretch_m;
         let most = f64::from(self.i16(GOAL_CURRENT));
-        let watchdog = Duration::from_millis(20) * u32::from(self.table[BUS_WATCHDOG]);
-        let is_watched = self.table[BUS_WATCHDOG] > 0 && self.heard.elapsed() > watchdog;
+        self.watch();
+        let is_stopped = self.table[BUS_WATCHDOG] == TRIPPED;
         let holds = self.table[TORQUE_ENABLE] == 1;
-        if holds && turns && !is_watched {
+        if holds && turns && !is_stopped {
             let goal = f64::from(self.i32(GOAL_POSITION));
             let wanted =
                 FREQUENCY * FREQUENCY * (goal - self.position) - 2.0 * FREQUENCY * self.velocity;

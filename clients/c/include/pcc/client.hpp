@@ -52,8 +52,8 @@ struct Place {
 /// The text for people of a code, as in text("Outcome", report.outcome).
 inline std::string_view text(const char *set, uint32_t code) { return detail::not_null(pcc_text(set, code)); }
 
-/// The text beside a code.
-inline std::string_view text(const PccReasonText &reason) {
+/// The text beside a code: a copy, so that it outlives an answer.
+inline std::string text(const PccReasonText &reason) {
   return {reinterpret_cast<const char *>(reason.utf8), std::min<size_t>(reason.length, sizeof reason.utf8)};
 }
 

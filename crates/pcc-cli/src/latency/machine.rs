@@ -12,6 +12,7 @@ pub(super) struct Machine {
 }
 
 /// Figures of the machine.
+#[derive(Clone)]
 pub(super) struct Figures {
     processors: usize,
     stolen_share: Option<f64>,

@@ -83,19 +83,25 @@ fn undrawn(context: &RequestContext, failure: Failure) -> Drawn {
     vec![Draw::unfinished(source, failure); context.request.candidates].into()
 }
 
-/// Moves the end of the motion that is followed, where the request wants that and it can be. Else plans from the configuration in which a moving
-/// robot can rest soonest; every motion begins with braking to it.
+/// Moves the end of the motion that is followed, where the request wants that and it can be, or plans anew.
 fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, PlannerError> {
+    let mut times = StageTimes::default();
+    if let Some(draw) = moved_end::draw(context, &mut times) {
+        return Ok(plan_of(vec![draw].into(), times));
+    }
+    let mut plan = after_braking(context, motion)?;
+    plan.stages.add(1.0, &times);
+    Ok(plan)
+}
+
+/// Plans from the configuration in which a moving robot can rest soonest; every motion begins with braking to it.
+fn after_braking(context: &RequestContext, motion: &StartMotion) -> Result<Plan, PlannerError> {
     let RequestContext {
         problem,
         request,
         supervision,
         ..
     } = *context;
-    let mut times = StageTimes::default();
-    if let Some(draw) = times.measure(Stage::Certify, || moved_end::draw(context)) {
-        return Ok(plan_of(vec![draw].into(), times));
-    }
     let braking = Braking::new(&context.constraints, &motion.state_in(&problem.start))?;
     let (after, shorter) = braking.what_follows(problem, request);
     let report_whole = |candidate: Candidate| {

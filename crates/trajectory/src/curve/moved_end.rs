@@ -10,14 +10,14 @@ use std::iter;
 
 /// Pieces of a displacement, each a polynomial of time.
 const PIECES: usize = 4;
-/// Knots keep at least so far apart, s: in a shorter segment the rounding of positions would show in the acceleration.
+/// Knots keep at least so far apart, s: in a shorter segment the rounding of positions would show in acceleration and jerk.
 const KNOTS_APART_S: f64 = 4e-4;
-/// Displacements that are tried until their knots keep apart from those of the motion, each one `PIECES` × [`KNOTS_APART_S`] longer.
+/// Displacements that are tried until their knots keep apart from those of the motion, each one `PIECES` × [`KNOTS_APART_S`] longer: 0.1 s in all.
 const TRIES: u32 = 64;
 
 impl Trajectory {
-    /// What is left of the motion from a time on, s; none where it has ended by then.
-    pub fn left_from(&self, time_s: f64) -> Option<Self> {
+    /// What remains of the motion from a time on, s, that is not next to a knot; none where the motion has ended by then.
+    pub fn remaining_from(&self, time_s: f64) -> Option<Self> {
         let first = Knot::of(0.0, &self.at(time_s));
         let later = self.knots().iter().filter(|knot| knot.time > time_s);
         let later = later.map(|knot| Knot {
@@ -27,9 +27,8 @@ impl Trajectory {
         Self::new(iter::once(first).chain(later).collect()).ok()
     }
 
-    /// The motion with its end moved by a displacement (rad) within so many seconds or a little more, from its begin on; it has
-    /// a knot more for each piece of the displacement.
-    /// None where these cannot be apart from the motion's.
+    /// The motion with its end moved by a displacement (rad) within so many seconds from its begin on, or up to 0.1 s more; it has a knot more
+    /// for each piece of the displacement. None where these cannot be apart from the motion's.
     pub fn with_end_moved(&self, by: &Configuration, within_s: f64) -> Option<Self> {
         let piece_s = self.piece_apart_from_knots(within_s / PIECES as f64)?;
         let own = self.knots().iter().map(|knot| knot.time);
@@ -112,7 +111,7 @@ mod tests {
     fn what_is_left_is_the_same_curve() {
         let motion = motion(91);
         let from_s = 0.37 * motion.duration();
-        let left = motion.left_from(from_s).unwrap();
+        let left = motion.remaining_from(from_s).unwrap();
         assert!((left.duration() - (motion.duration() - from_s)).abs() < 1e-12);
         for i in 0..=1000 {
             let time = left.duration() * f64::from(i) / 1000.0;
@@ -120,7 +119,7 @@ mod tests {
             assert!((here.position - there.position).amax() < 1e-13);
             assert!((here.acceleration - there.acceleration).amax() < 1e-9);
         }
-        assert!(motion.left_from(motion.duration()).is_none());
+        assert!(motion.remaining_from(motion.duration()).is_none());
     }
 
     #[test]
@@ -169,7 +168,7 @@ mod tests {
             let used = limit_use(&motion, &tendons, &limits);
             most = most.max(used.acceleration).max(used.jerk);
             knots = knots.max(motion.knots().len());
-            motion = motion.left_from(0.0203).unwrap();
+            motion = motion.remaining_from(0.0203).unwrap();
         }
         let speed = 0.07 * displacement() / 0.0203;
         assert!((motion.at(0.0).velocity - speed).amax() < 1e-3 * speed.amax());

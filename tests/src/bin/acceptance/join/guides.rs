@@ -1,15 +1,19 @@
-//! The guides, followed: every command of their blocks, in order, by a shell in the repository's root.
+//! The guides, followed: the commands of their blocks, in order, by a shell in the repository's root.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::ExitStatus;
 use std::time::Duration;
 
+use ::tests::process::Process;
+use ::tests::programs::repository;
+use ::tests::stack::{PATIENCE, Part, Stack};
+use ::tests::world::Settings;
 use anyhow::{Context, ensure};
-use tests::process::Process;
-use tests::programs::repository;
-use tests::stack::{PATIENCE, Part, Stack};
-use tests::world::Settings;
+use client::ResultView;
+use shared_types::codes::MotionOutcome;
 
 use super::examples::wait_until_held;
 use crate::report::Report;
@@ -18,6 +22,7 @@ use crate::report::Report;
 const LIMIT: Duration = Duration::from_secs(300);
 /// How long one may take to end at Ctrl-C.
 const ENDS_WITHIN: Duration = Duration::from_secs(10);
+const COMMAND: &str = "the commands in the blocks of docs/guides, one after the other";
 
 /// A page, and what runs before it is followed.
 struct Guide {
@@ -49,21 +54,35 @@ const GUIDES: [Guide; 5] = [
 ];
 
 pub(super) fn run(report: &mut Report) {
-    let command = "the commands of docs/guides, one after the other";
+    report.group("guides: pages", COMMAND, |report| {
+        let mut pages = BTreeSet::new();
+        for entry in fs::read_dir(folder())? {
+            pages.insert(entry?.file_name().to_string_lossy().into_owned());
+        }
+        GUIDES.iter().for_each(|guide| {
+            pages.remove(guide.page);
+        });
+        let left: Vec<String> = pages.into_iter().collect();
+        report.none_of("guides: pages that are not followed", &left);
+        Ok(())
+    });
     for guide in GUIDES {
-        report.group(&format!("guides: {}", guide.page), command, |report| {
+        report.group(&format!("guides: {}", guide.page), COMMAND, |report| {
             guide.follow(report)
         });
     }
 }
 
+fn folder() -> PathBuf {
+    repository().join("docs/guides")
+}
+
 impl Guide {
     fn follow(&self, report: &mut Report) -> anyhow::Result<()> {
-        let root = repository();
-        let page = root.join("docs/guides").join(self.page);
-        let commands = commands(&fs::read_to_string(page)?)?;
+        let commands = commands(&fs::read_to_string(folder().join(self.page))?)?;
         ensure!(!commands.is_empty(), "{} has no commands", self.page);
         let mut stack = Stack::new(&Settings::default());
+        let mut results = ResultView::watch(&stack.world.options)?;
         for part in self.before {
             stack.start(*part);
         }
@@ -72,9 +91,7 @@ impl Guide {
         }
         let mut going_on = Vec::new();
         for command in &commands {
-            let in_root = format!("cd {} && exec {}", root.display(), command.line);
-            let shell = Path::new("/bin/sh");
-            let process = Process::start_program(&stack.world, shell, &["-c", &in_root]);
+            let process = command.start(&stack);
             if !command.is_ended_by_hand() {
                 self.show(report, command, process, LIMIT)?;
                 continue;
@@ -85,6 +102,7 @@ impl Guide {
                 wait_until_held(&mut stack)?;
             }
         }
+        self.show_joined(report, &commands, &mut results)?;
         for (command, process) in going_on {
             process.signal(libc::SIGINT);
             self.show(report, command, process, ENDS_WITHIN)?;
@@ -109,14 +127,31 @@ impl Guide {
             Promise::Silence => "prints nothing".to_owned(),
             Promise::LastLine(text) => format!("ends with \"{text}\""),
         };
-        let is_ended = command.is_ended_by_hand() && status.signal() == Some(libc::SIGINT);
-        let is_kept = (status.success() || is_ended) && command.promise.is_kept(&log);
+        let is_kept = command.is_ended_well(status) && command.promise.is_kept(&log);
         report.check(&line, format!("{status}: {last}"), &bar, is_kept);
+        Ok(())
+    }
+
+    /// Whether motions were joined by those of the next command where the page says so.
+    fn show_joined(
+        &self,
+        report: &mut Report,
+        commands: &[Command],
+        results: &mut ResultView,
+    ) -> anyhow::Result<()> {
+        let joining = commands.iter().filter(|it| it.comment.starts_with("joins"));
+        let (joining, mut ended) = (joining.count(), Vec::new());
+        results.drain(&mut ended)?;
+        let joined = ended.iter();
+        let joined = joined.filter(|it| it.outcome == MotionOutcome::Joined);
+        let line = format!("guides: {}: motions that the next one joined", self.page);
+        report.all_of(&line, joined.count(), joining);
         Ok(())
     }
 }
 
 /// What a page says of what a command prints.
+#[derive(Debug, PartialEq)]
 enum Promise {
     Nothing,
     Silence,
@@ -130,11 +165,12 @@ impl Promise {
             Self::Nothing => true,
             Self::Silence => log.is_empty(),
             Self::LastLine(text) => {
-                let mut rest = log.trim_end().lines().last().unwrap_or_default();
-                text.split('…').all(|part| {
-                    let found = rest.split_once(part);
-                    rest = found.map_or("", |(_, after)| after);
-                    found.is_some()
+                let last = log.trim_end().lines().last().unwrap_or_default();
+                let (begin, end) = text.split_once('…').unwrap_or((text, ""));
+                let after = last.strip_prefix(begin);
+                after.is_some_and(|after| match text.contains('…') {
+                    true => after.ends_with(end),
+                    false => after.is_empty(),
                 })
             }
         }
@@ -166,8 +202,22 @@ impl Command {
         })
     }
 
+    fn start(&self, stack: &Stack) -> Process {
+        let root = repository().display().to_string();
+        let script = format!("cd \"$0\" && exec {}", self.line);
+        let shell = Path::new("/bin/sh");
+        Process::start_program(&stack.world, shell, &["-c", &script, &root])
+    }
+
     fn is_ended_by_hand(&self) -> bool {
         self.comment.contains("until Ctrl-C")
+    }
+
+    /// The examples leave Ctrl-C to who copies them; a program of ours handles it.
+    fn is_ended_well(&self, status: ExitStatus) -> bool {
+        let is_example = self.line.contains("/examples/");
+        let is_killed = status.signal() == Some(libc::SIGINT);
+        status.success() || (self.is_ended_by_hand() && is_example && is_killed)
     }
 }
 
@@ -176,4 +226,32 @@ fn commands(page: &str) -> anyhow::Result<Vec<Command>> {
     let blocks = page.split("```").skip(1).step_by(2);
     let lines = blocks.flat_map(str::lines).filter(|line| !line.is_empty());
     lines.map(Command::of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_last_line_is_the_whole_line_but_for_what_is_left_out() {
+        let whole = Promise::LastLine("every scene counted".to_owned());
+        assert!(whole.is_kept("a\nevery scene counted\n"));
+        assert!(!whole.is_kept("not every scene counted"));
+        assert!(!whole.is_kept("every scene counted\nan error"));
+        let with_gap = Promise::LastLine("reached after … s".to_owned());
+        assert!(with_gap.is_kept("reached after 2.7 s"));
+        assert!(!with_gap.is_kept("reached after 2.7 s, late"));
+    }
+
+    #[test]
+    fn blocks_have_commands_and_promises() {
+        let page = "text\n```\ncargo build\n./a 1   # prints nothing, until Ctrl-C\n```\n`b`\n```\nc  # ends with \"d\"\n```\n";
+        let commands = commands(page).unwrap();
+        let lines: Vec<&str> = commands.iter().map(|it| it.line.as_str()).collect();
+        assert_eq!(lines, ["cargo build", "./a 1", "c"]);
+        let promises: Vec<&Promise> = commands.iter().map(|it| &it.promise).collect();
+        let last = Promise::LastLine("d".to_owned());
+        assert_eq!(promises, [&Promise::Nothing, &Promise::Silence, &last]);
+        assert!(commands[1].is_ended_by_hand() && !commands[2].is_ended_by_hand());
+    }
 }

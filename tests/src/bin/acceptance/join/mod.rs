@@ -29,7 +29,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     servos::run,
     |report, _| servo_faults::run(report),
     transport::run,
-    stamps::run,
+    |report, _| stamps::run(report),
     python::run,
     records::run,
 ];

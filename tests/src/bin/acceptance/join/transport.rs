@@ -94,7 +94,10 @@ fn transport(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         report.shown(&format!("transport: window {index}, µs"), text_of(window)?);
     }
     let quietest = &baselines["quietest"];
-    report.shown("transport: the quietest window, µs", text_of(quietest)?);
+    report.shown(
+        "transport: the quietest window, all together where several are, µs",
+        text_of(quietest)?,
+    );
     let raw = &quietest["transports"]["raw iceoryx2, one hand-over to a thread"];
     for (percentile, bar) in [("p50", 1.2), ("p99", 1.5)] {
         let ratio = raw[percentile]["daemon_divided_by_it"].as_f64();

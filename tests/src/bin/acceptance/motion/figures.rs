@@ -56,8 +56,8 @@ pub(super) struct Figures {
     /// Motions of answers in motion that were not heard.
     pub(super) unheard: usize,
 
-    /// From a request to the first set-point of the motion that joins another, ms, infinite where it is not begun, with the time at which it was
-    /// asked for.
+    /// From a request in motion to the first set-point of the motion that joins another, ms, infinite where it is refused or not begun, with the
+    /// time at which it was asked for.
     pub(super) to_setpoint_ms: Vec<(Instant, f64)>,
     /// Refusals in motion by cause.
     pub(super) refusals: BTreeMap<String, usize>,
@@ -134,6 +134,8 @@ impl Figures {
             }
             match &asked.answered {
                 Answered::Refused(cause) => {
+                    let never = in_motion.then_some((asked.at, f64::INFINITY));
+                    self.to_setpoint_ms.extend(never);
                     let refusals = match in_motion {
                         true => &mut self.refusals,
                         false => &mut self.refused_at_rest,

@@ -193,6 +193,9 @@ fn references(
         let (Some(first), Some(last)) = (motion.knots.first(), motion.knots.last()) else {
             continue;
         };
+        if !in_motion {
+            continue;
+        }
         let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
         figures.references_left_out += usize::from(reference.leaves_out_faster);
         if let Some((lead_s, at_request)) = when_asked(motion, heard, figures) {
