@@ -38,6 +38,8 @@ const PRIORITY: u8 = 90;
 const RATE_HZ: i64 = 250;
 /// Lag of the motors: two over their frequency, and half a cycle.
 const LAG_MS: f64 = 15.3;
+/// The servos' watchdog, ms: bytes on a pseudo-terminal wait for the kernel now and then.
+const WATCHDOG_MS: i64 = 100;
 /// Step of the motors' motion.
 const STEP: Duration = Duration::from_micros(500);
 /// The line's link in the bank's folder.
@@ -175,6 +177,7 @@ impl ServoBank {
             ("baud".to_owned(), i64::from(lock(&self.bank).baud).into()),
             ("rate_hz".to_owned(), RATE_HZ.into()),
             ("lag_ms".to_owned(), LAG_MS.into()),
+            ("bus_watchdog_ms".to_owned(), WATCHDOG_MS.into()),
             ("home_speed_rpm".to_owned(), 10.0.into()),
         ]);
         fs::write(file, config.to_string()).unwrap();

@@ -144,20 +144,23 @@ impl ServoBus {
         Ok(read)
     }
 
-    /// Four bytes of one servo; none where it does not answer within a few milliseconds: the servos' watchdogs must not trip meanwhile.
-    pub(crate) fn try_read_u32(&mut self, tendon: usize, register: u16) -> Option<u32> {
-        const BYTES: u16 = 4;
+    /// So many bytes of one servo; none where it does not answer within a few milliseconds: the servos' watchdogs must not trip meanwhile.
+    pub(crate) fn try_read<const BYTES: usize>(
+        &mut self,
+        tendon: usize,
+        register: u16,
+    ) -> Option<[u8; BYTES]> {
         let id = self.ids[tendon];
         let encode = |packet: &mut [u8]| {
             packet[..2].copy_from_slice(&register.to_le_bytes());
-            packet[2..].copy_from_slice(&BYTES.to_le_bytes());
+            packet[2..].copy_from_slice(&(BYTES as u16).to_le_bytes());
         };
         self.bus.write_instruction(id, READ, 4, encode).ok()?;
-        let on_the_line = self.time_of(14 + STATUS_OVERHEAD + u32::from(BYTES));
+        let on_the_line = self.time_of(14 + STATUS_OVERHEAD + BYTES as u32);
         let deadline = Instant::now() + on_the_line + SLACK_IN_THE_LOOP;
         let answer = self.bus.read_status_response_deadline(deadline).ok()?;
         let bytes = answer.parameters().try_into().ok()?;
-        (answer.packet_id() == id).then(|| u32::from_le_bytes(bytes))
+        (answer.packet_id() == id).then_some(bytes)
     }
 
     /// Why a servo is in error, by its hardware error status.

@@ -10,7 +10,8 @@ pub(crate) const RETURN_DELAY_TIME: u16 = 9;
 pub(crate) const TORQUE_ENABLE: u16 = 64;
 /// Why the servo has given up; 0: it has not.
 pub(crate) const HARDWARE_ERROR_STATUS: u16 = 70;
-/// Time without a packet after which the servo stops, [`WATCHDOG_MS`]; 0: never.
+/// Time without a packet after which the servo stops, [`WATCHDOG_MS`]; 0: never; [`WATCHDOG_TRIPPED`]: it has stopped, and takes no goal until 0 is
+/// written.
 pub(crate) const BUS_WATCHDOG: u16 = 98;
 /// Current that a position is held with at most.
 pub(crate) const GOAL_CURRENT: u16 = 102;
@@ -33,5 +34,7 @@ pub(crate) const PULSES_OF_A_TURN: f64 = 4096.0;
 pub(crate) const MILLIAMPERES: f64 = 2.69;
 /// Unit of velocities, turns a minute.
 pub(crate) const RPM: f64 = 0.229;
+/// What the watchdog says once it has stopped the servo.
+pub(crate) const WATCHDOG_TRIPPED: u8 = 0xFF;
 /// Unit of the watchdog, ms.
 pub(crate) const WATCHDOG_MS: u32 = 20;

@@ -18,6 +18,7 @@ use crate::health::Health;
 use crate::home::Home;
 use crate::registers::{
     BUS_WATCHDOG, GOAL_CURRENT, PROFILE_VELOCITY, SCRATCH, TORQUE_ENABLE, WATCHDOG_MS,
+    WATCHDOG_TRIPPED,
 };
 use crate::spools::Spools;
 
@@ -79,9 +80,10 @@ struct Process {
     bus: ServoBus,
     spools: Spools,
     health: Health,
-    told: MotorFault,
+    /// The fault that the log was told, and whether watchdogs had tripped then.
+    told: (MotorFault, bool),
     mark: u32,
-    /// Servos that were silent and whose marks have not been read since: they may have been without power.
+    /// Servos that were silent and whose marks and watchdogs have not been read since: they may have been without power, or have heard nothing.
     marks_due: [bool; TENDONS],
     slack: u16,
     lag_s: f64,
@@ -139,7 +141,7 @@ pub fn run(
     let process = Process {
         driver: connection.drive_from(&state),
         health: Health::new(bus.count(), silent_after, Instant::now()),
-        told: MotorFault::None,
+        told: (MotorFault::None, false),
         mark: home.mark,
         marks_due: [false; TENDONS],
         slack: config.slack,
@@ -296,11 +298,15 @@ impl Process {
         // An answer that is lost is asked for again in the next cycle; a line that is lost says so when goals are written.
         let due = marks_due.iter().position(|is_due| *is_due);
         if let Some(tendon) = due
-            && let Some(mark) = bus.try_read_u32(tendon, SCRATCH)
+            && let Some(mark) = bus.try_read(tendon, SCRATCH)
+            && let Some([watchdog]) = bus.try_read(tendon, BUS_WATCHDOG)
         {
             marks_due[tendon] = false;
-            if mark != self.mark {
+            if u32::from_le_bytes(mark) != self.mark {
                 health.lose_home();
+            }
+            if watchdog == WATCHDOG_TRIPPED {
+                health.trip_watchdogs();
             }
         }
         Ok(())
@@ -308,15 +314,16 @@ impl Process {
 
     /// Tells the log what has become of the servos.
     fn tell(&mut self, fault: MotorFault, tendon: Option<usize>) {
-        if fault == self.told {
+        let told = (fault, self.health.watchdogs_have_tripped());
+        if told == self.told {
             return;
         }
-        self.told = fault;
+        self.told = told;
         let servo = tendon.map(|tendon| self.bus.id(tendon));
         match (fault, servo) {
             (MotorFault::None, _) => info!("all servos answer"),
             (MotorFault::Bus, _) if self.health.watchdogs_have_tripped() => warn!(
-                "nothing was sent for longer than bus_watchdog_ms: the servos have stopped and take no goal; start the driver again"
+                "servos heard nothing for longer than bus_watchdog_ms: they have stopped and take no goal; start the driver again"
             ),
             (MotorFault::Bus, _) => warn!("no servo answers"),
             (MotorFault::Motor, Some(id)) => {

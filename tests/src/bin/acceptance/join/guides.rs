@@ -141,6 +141,9 @@ impl Guide {
     ) -> anyhow::Result<()> {
         let joining = commands.iter().filter(|it| it.comment.starts_with("joins"));
         let (joining, mut ended) = (joining.count(), Vec::new());
+        if joining == 0 {
+            return Ok(());
+        }
         results.drain(&mut ended)?;
         let joined = ended.iter();
         let joined = joined.filter(|it| it.outcome == MotionOutcome::Joined);
@@ -204,7 +207,8 @@ impl Command {
 
     fn start(&self, stack: &Stack) -> Process {
         let root = repository().display().to_string();
-        let script = format!("cd \"$0\" && exec {}", self.line);
+        // What a shell starts in the background ignores Ctrl-C.
+        let script = format!("cd \"$0\" && exec env --default-signal=INT {}", self.line);
         let shell = Path::new("/bin/sh");
         Process::start_program(&stack.world, shell, &["-c", &script, &root])
     }

@@ -123,7 +123,7 @@ const CASES: [Case; 11] = [
         begin: |faults| faults.silent = true,
         faults: &[LoopFault::RobotFault],
         driver: Some("no servo answers"),
-        recovery: Recovery::Reset,
+        recovery: Recovery::Restart,
     },
     Case {
         what: "the line is unplugged",
