@@ -7,7 +7,7 @@
 //!
 //! No cycle counts for more than [`ReferenceLimits::longest_cycle_ns`]. In a pause of the whole machine nobody can send, so that the controller
 //! is not lost, and its next set-point is a short step further; where the driver alone is held up, the controller has gone on, and what it
-//! then sends is too far: a fault, and a ramp from where the motors are.
+//! then sends is too far: a ramp to rest from where the motors are, and no fault of the controller's.
 //!
 //! A set-point that breaks a rule while the robot follows latches a fault: the old reference is kept and ramped to
 //! rest. The fault lasts until the line has been silent for [`FAULT_SILENCE_NS`]: a controller goes silent only when
@@ -181,7 +181,13 @@ impl Reference {
             Err(refusal) => {
                 self.refused = self.refused.wrapping_add(1);
                 if self.mode == Mode::Following {
-                    self.begin_ramp(Mode::Fault(refusal));
+                    let is_held_up = now_ns - self.stepped_ns > self.limits.lost_after_ns;
+                    let is_too_far =
+                        matches!(refusal, Refusal::PositionStep | Refusal::VelocityStep);
+                    self.begin_ramp(match is_held_up && is_too_far {
+                        true => Mode::Ramping,
+                        false => Mode::Fault(refusal),
+                    });
                 }
             }
         }
@@ -401,7 +407,7 @@ mod tests {
         assert_eq!(paused.mode(), Mode::Following);
         // The controller went on for 100 ms.
         let jump = reference.step(400 * MS, Some(&ahead(0.100)));
-        assert_eq!(reference.mode(), Mode::Fault(Refusal::PositionStep));
+        assert_eq!(reference.mode(), Mode::Ramping);
         assert!(largest_difference(&jump.position_m, &before) <= 0.08 * 5e-3);
     }
 
