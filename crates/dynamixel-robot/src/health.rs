@@ -56,7 +56,7 @@ impl Health {
         self.line_is_lost = true;
     }
 
-    /// Nothing was sent for longer than the servos bear.
+    /// A servo heard nothing for longer than its watchdog bears.
     pub(crate) fn trip_watchdogs(&mut self) {
         self.watchdogs_have_tripped = true;
     }

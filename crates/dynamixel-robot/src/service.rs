@@ -52,7 +52,7 @@ pub enum DriverError {
     },
     /// The servos stand where no configuration has them.
     #[error(
-        "the servos stand {off_mm:.2} mm from the lengths of every configuration, {most_mm:.2} mm are allowed: is each tendon on its servo, and its direction          right? `pcc home`"
+        "the servos stand {off_mm:.2} mm from the lengths of every configuration, {most_mm:.2} mm are allowed: is each tendon on its servo, and its direction right? `pcc home`"
     )]
     OffConfiguration {
         /// How far, mm.

@@ -6,7 +6,7 @@ use shared_types::codes::{MotorFault, MotorState};
 use shared_types::message::{RobotState, Setpoint};
 use tracing::{info, warn};
 
-use crate::reference::Reference;
+use crate::reference::{Reference, largest_difference};
 use crate::setpoint::{Mode, MotorTargets, ReferenceLimits, TendonState};
 use crate::tendon_vector::{TENDONS, TendonVector};
 
@@ -115,7 +115,5 @@ fn nearest_lengths(tendons: &TendonMap, lengths: &TendonVector) -> TendonVector 
 /// driven from there jump at the begin.
 #[must_use]
 pub fn off_configuration_m(robot: &Robot, lengths_m: &TendonVector) -> f64 {
-    let nearest = nearest_lengths(&robot.tendons, lengths_m);
-    let pairs = nearest.iter().zip(lengths_m);
-    pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
+    largest_difference(&nearest_lengths(&robot.tendons, lengths_m), lengths_m)
 }

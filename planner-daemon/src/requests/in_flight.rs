@@ -35,11 +35,13 @@ impl Queued {
     /// When planning that began after such a wait must end, so that the answer arrives by the deadline.
     pub(super) fn deadline(&self, waited: Duration) -> Instant {
         let whole = self.task.deadline;
-        let excused = match self.task.appends {
-            true => waited.min(LONGEST_WAIT_OF_GOALS),
-            false => Duration::ZERO,
+        let planning = whole - delivery_margin(self.task.request.candidates, whole);
+        let excused = if self.task.appends {
+            waited.min(LONGEST_WAIT_OF_GOALS)
+        } else {
+            Duration::ZERO
         };
-        self.received + (whole - delivery_margin(self.task.request.candidates, whole)) + excused
+        self.received + planning + excused
     }
 
     /// When it is answered where it still waits for its turn.
@@ -49,9 +51,10 @@ impl Queued {
 
     /// Whether it may go on waiting for the robot.
     pub(super) fn can_wait(&self, now: Instant) -> bool {
-        let longest = match self.task.appends {
-            true => LONGEST_WAIT_OF_GOALS,
-            false => LONGEST_WAIT,
+        let longest = if self.task.appends {
+            LONGEST_WAIT_OF_GOALS
+        } else {
+            LONGEST_WAIT
         };
         now < (self.received + longest).min(self.expires())
     }
