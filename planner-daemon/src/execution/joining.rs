@@ -45,12 +45,12 @@ impl Supervisor {
         let Some(switch) = &joining.leaves else {
             return;
         };
-        let timing = left.timing_after(switch, now_mono_ns);
+        let progress = left.progress_of_next(switch, now_mono_ns);
         let surroundings = Surroundings {
             rules: &self.rules,
             live: &self.live,
             now_mono_ns,
         };
-        surroundings.check(joining, 0.0, timing);
+        surroundings.check(joining, progress);
     }
 }

@@ -13,7 +13,7 @@ use super::supervised_motion::SupervisedMotion;
 use super::supervisor::{HeardOrders, Supervisor, robot_motion};
 use super::trajectory_id::next_id;
 use crate::knots;
-use crate::live_scene::{Certificates, RemainingMotion, Timing};
+use crate::live_scene::{Certificates, Progress, RemainingMotion};
 
 /// Delay of a motion behind its schedule that its certificate at publication includes, s: shorter pauses need no stop.
 pub(super) const LAG_ALLOWANCE_S: f64 = 0.2;
@@ -25,7 +25,7 @@ struct Schedule {
     begin_mono_ns: i64,
     /// Instance of the controller that is to follow it.
     controller_instance: u64,
-    timing: Timing,
+    progress: Progress,
 }
 
 impl Supervisor {
@@ -59,7 +59,7 @@ impl Supervisor {
         // on its way.
         let longest_stop_s = || self.rules.stopping_s(&selected.motion);
         let needed_s = self.live.moves().then(longest_stop_s);
-        let certificates = self.certify(selected, schedule.timing, needed_s.unwrap_or(0.0))?;
+        let certificates = self.certify(selected, schedule.progress, needed_s.unwrap_or(0.0))?;
         if mono_now_ns() > until_mono_ns {
             return Err(ExecutionRefusal::SupervisionStalled);
         }
@@ -107,7 +107,7 @@ impl Supervisor {
         Ok(Schedule {
             begin_mono_ns,
             controller_instance,
-            timing: Timing::from_begin(begin_mono_ns),
+            progress: Progress::from_begin(begin_mono_ns),
         })
     }
 
@@ -134,23 +134,21 @@ impl Supervisor {
         Ok(Schedule {
             begin_mono_ns: now_mono_ns + (ahead_s / followed.fastest_rate.max(0.05) * 1e9) as i64,
             controller_instance: state.values.instance,
-            timing: left.timing_after(switch, now_mono_ns),
+            progress: left.progress_of_next(switch, now_mono_ns),
         })
     }
 
     fn certify(
         &self,
         selected: &SelectedMotion,
-        timing: Timing,
+        progress: Progress,
         stopping_s: f64,
     ) -> Result<Certificates, ExecutionRefusal> {
         let mut certificates = Certificates::default();
         let rest = RemainingMotion {
             padded: &self.rules.padded,
             motion: &selected.motion,
-            from_s: 0.0,
-            timing,
-            at_full_rate: None,
+            progress,
             stopping_s,
             lag_allowance_s: LAG_ALLOWANCE_S,
         };

@@ -11,7 +11,7 @@ use trajectory::{Knot, Trajectory};
 
 use super::refusal::ExecutionRefusal;
 use super::stop_reason::StopReason;
-use crate::live_scene::Timing;
+use crate::live_scene::{Progress, Timing};
 
 /// Least path time between a switch and a knot of the motion that is left, s; the controller wants 0.4 ms.
 const SWITCH_GAP_S: f64 = 6e-4;
@@ -102,8 +102,12 @@ impl FollowedMotion {
 
     /// The timing of a motion that leaves it at a switch.
     pub(crate) fn timing_after(&self, switch: &Switch) -> Timing {
-        let time_s = self.time_s - switch.path_time_s;
-        Timing::passing(time_s, self.state_mono_ns, self.rate)
+        let progress = Progress {
+            time_s: self.time_s,
+            mono_ns: self.state_mono_ns,
+            rate: self.rate,
+        };
+        progress.of_next(switch.path_time_s).timing()
     }
 
     /// The first place at which the motion can be left by one that is published `lead` from now; none where it ends before that.

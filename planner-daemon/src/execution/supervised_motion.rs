@@ -10,7 +10,7 @@ use trajectory::Trajectory;
 use super::request::SelectedMotion;
 use super::robot_motion::{Switch, TimedGoal};
 use super::stop_reason::StopReason;
-use crate::live_scene::{Certificates, Stretch, Timing, UNSUPERVISED_S};
+use crate::live_scene::{Certificates, Progress};
 
 /// Time after a motion's begin within which the controller must have started it, nanoseconds; else it is stopped.
 const START_TIMEOUT_NS: i64 = 300_000_000;
@@ -123,43 +123,31 @@ impl SupervisedMotion {
             && self.state_mono_ns >= self.begin_mono_ns.saturating_add(START_TIMEOUT_NS)
     }
 
-    /// The timing of the motion that leaves this one at a switch.
-    pub(crate) fn timing_after(&self, switch: &Switch, now_mono_ns: i64) -> Timing {
-        match self.status {
-            MotionStatus::Executing { time_s, rate } => {
-                Timing::passing(time_s - switch.path_time_s, self.state_mono_ns, rate)
-            }
-            _ => Timing::from_begin(now_mono_ns),
-        }
-    }
-
     /// The motion's status by the last fresh state.
     pub(crate) fn status(&self) -> MotionStatus {
         self.status
     }
 
-    /// Path time that has passed for certain, s, and the timing of the rest of the path.
-    pub(crate) fn progress(&self, now_mono_ns: i64) -> (f64, Timing) {
+    /// Where the motion is by the last fresh state; what has not begun when it should have lags.
+    pub(crate) fn progress(&self, now_mono_ns: i64) -> Progress {
         match self.status {
-            MotionStatus::Executing { time_s, rate } => {
-                (time_s, Timing::passing(time_s, self.state_mono_ns, rate))
-            }
-            // What has not begun when it should have lags.
-            _ => (0.0, Timing::from_begin(self.begin_mono_ns.max(now_mono_ns))),
+            MotionStatus::Executing { time_s, rate } => Progress {
+                time_s,
+                mono_ns: self.state_mono_ns,
+                rate,
+            },
+            _ => Progress::from_begin(self.begin_mono_ns.max(now_mono_ns)),
         }
     }
 
-    /// The path that a slowed motion may pass at full rate from the last state on, until a state has reported the change, or the loss of
-    /// supervision has been noticed, and a stop has ended. None where the motion already runs at full rate or does not execute.
-    pub(crate) fn at_full_rate(&self) -> Option<Stretch> {
-        let MotionStatus::Executing { time_s, rate } = self.status else {
-            return None;
-        };
-        let ahead_s = STATE_LIFETIME_NS as f64 * 1e-9 + UNSUPERVISED_S + self.stopping_s;
-        (rate < 1.0).then(|| Stretch {
-            timing: Timing::passing(time_s, self.state_mono_ns, 1.0),
-            until_s: (time_s + ahead_s).min(self.motion.duration()),
-        })
+    /// Where the motion is that leaves this one at a switch: as far before its begin as this one is before the switch.
+    pub(crate) fn progress_of_next(&self, switch: &Switch, now_mono_ns: i64) -> Progress {
+        match self.status {
+            MotionStatus::Executing { .. } => {
+                self.progress(now_mono_ns).of_next(switch.path_time_s)
+            }
+            _ => Progress::from_begin(now_mono_ns),
+        }
     }
 
     /// Requests a stop; the first reason stays.
@@ -227,30 +215,21 @@ mod tests {
     }
 
     #[test]
-    fn the_time_that_has_passed_is_the_one_heard_and_the_timing_follows_the_rate() {
+    fn its_place_and_rate_are_those_heard_last_and_the_next_motion_is_before_its_switch() {
         let mut supervised = supervised();
         let heard = state(|values| (values.trajectory_time_s, values.rate) = (1.5, 0.5));
         supervised.update(&heard);
-        let (from_s, timing) = supervised.progress(BEGIN + 900_000_000);
-        assert_eq!(from_s, 1.5);
-        assert_eq!(timing, Timing::passing(1.5, BEGIN, 0.5));
-    }
-
-    #[test]
-    fn a_slow_motion_may_hurry_until_a_state_is_missed_and_a_stop_is_over() {
-        let mut supervised = supervised();
-        assert_eq!(supervised.at_full_rate(), None);
-        supervised.update(&state(|values| {
-            (values.trajectory_time_s, values.rate) = (0.5, 0.05);
-        }));
-        let at_full_rate = supervised.at_full_rate().unwrap();
-        assert_eq!(at_full_rate.timing, Timing::passing(0.5, BEGIN, 1.0));
-        assert!(
-            (at_full_rate.until_s - 1.3).abs() < 1e-12,
-            "{at_full_rate:?}"
-        );
-        supervised.update(&state(|values| values.rate = 1.0));
-        assert_eq!(supervised.at_full_rate(), None);
+        let now = BEGIN + 900_000_000;
+        let progress = supervised.progress(now);
+        let (time_s, mono_ns, rate) = (progress.time_s, progress.mono_ns, progress.rate);
+        assert_eq!((time_s, mono_ns, rate), (1.5, BEGIN, 0.5));
+        let switch = Switch {
+            trajectory_id: 7,
+            path_time_s: 1.75,
+            state: motion().knots()[0],
+        };
+        let next = supervised.progress_of_next(&switch, now);
+        assert_eq!(next, progress.of_next(1.75));
     }
 
     #[test]
@@ -314,7 +293,7 @@ mod tests {
         let supervised = supervised();
         assert_eq!(supervised.status(), MotionStatus::Pending);
         let late = BEGIN + 60_000_000_000;
-        assert_eq!(supervised.progress(late), (0.0, Timing::from_begin(late)));
+        assert_eq!(supervised.progress(late), Progress::from_begin(late));
     }
 
     #[test]

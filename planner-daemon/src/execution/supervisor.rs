@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use realtime::{reduce_wakeup_latency, use_fifo_priority};
-use shared_types::clock::{STATE_LIFETIME_NS, Suspension, mono_now_ns, suspended_ns, wall_now_ns};
+use shared_types::clock::{STATE_LIFETIME_NS, mono_now_ns, suspended_ns, wall_now_ns};
 use shared_types::codes::{LoopFault, LoopState};
 use shared_types::ipc::{
     IpcNode, Publisher, Subscriber, controller_state_service, newest, publisher, subscriber,
@@ -92,7 +92,6 @@ pub(crate) struct Supervisor {
     supervision_rounds: Arc<AtomicU64>,
     pub(super) state: Option<valid::ControllerState>,
     awake: ActiveTime,
-    suspension: Suspension,
     /// Active time at which the last fresh state came, nanoseconds.
     last_state_active_ns: i64,
     pub(super) live: LiveScene,
@@ -137,7 +136,6 @@ impl Supervisor {
             supervision_rounds,
             state: None,
             awake: ActiveTime::from(mono_now_ns()),
-            suspension: Suspension::noticed(suspended_ns()),
             last_state_active_ns: 0,
             live,
             supervised: None,
@@ -196,7 +194,7 @@ impl Supervisor {
     pub(super) fn round(&mut self) {
         self.connect();
         self.receive_controller_state();
-        self.watch_suspension(suspended_ns());
+        self.live.watch_suspension(suspended_ns(), mono_now_ns());
         self.live.attend(self.inbox.present(), mono_now_ns());
         self.inbox.receive();
         self.supervise();
@@ -212,13 +210,6 @@ impl Supervisor {
             self.inbox.throttle(index, begun, mono_now_ns());
         }
         self.told.live_scene.set(self.live.snapshot());
-    }
-
-    fn watch_suspension(&mut self, suspended_ns: i64) {
-        if self.suspension.is_longer(suspended_ns) {
-            tracing::warn!("the machine was suspended: no scene from before counts");
-            self.live.resume(suspended_ns, mono_now_ns());
-        }
     }
 
     fn connect(&mut self) {
@@ -356,13 +347,13 @@ impl Supervisor {
         if let Some(absence) = self.live.absence_in_motion(now_mono_ns, has_pending) {
             supervised.request_stop(absence.into());
         }
-        let (from_s, timing) = supervised.progress(now_mono_ns);
+        let progress = supervised.progress(now_mono_ns);
         let surroundings = Surroundings {
             rules: &self.rules,
             live: &self.live,
             now_mono_ns,
         };
-        surroundings.check(supervised, from_s, timing);
+        surroundings.check(supervised, progress);
         self.check_joining(now_mono_ns);
     }
 

@@ -4,6 +4,7 @@ use pcc_model::{Configuration, UnitRobot};
 use trajectory::Trajectory;
 
 use super::moving_ball_cover::{Stretch, Timing};
+use super::progress::Progress;
 
 /// The rate at which a motion is assumed to go on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,12 +66,7 @@ pub(crate) struct RemainingMotion<'a> {
     /// The robot in units of its section length, its tubes padded by what covers the path tolerance.
     pub(crate) padded: &'a UnitRobot,
     pub(crate) motion: &'a Trajectory,
-    /// Path time that has passed for certain, s.
-    pub(crate) from_s: f64,
-    /// The motion's timing at the last reported rate.
-    pub(crate) timing: Timing,
-    /// The stretch that the motion may pass at full rate.
-    pub(crate) at_full_rate: Option<Stretch>,
+    pub(crate) progress: Progress,
     /// Longest stop, with the time until it begins, s.
     pub(crate) stopping_s: f64,
     /// Delay behind its schedule that must be free of contact too, s.
@@ -78,14 +74,6 @@ pub(crate) struct RemainingMotion<'a> {
 }
 
 impl RemainingMotion<'_> {
-    /// The whole rest of the motion, at `timing`.
-    fn whole(&self, timing: Timing) -> Stretch {
-        Stretch {
-            timing,
-            until_s: self.motion.duration(),
-        }
-    }
-
     /// Where the robot stands after the motion, rad, which the certificate at the measured rate takes in; none where the motion ends in
     /// motion.
     pub(super) fn place_of_standing(&self, rate: RateAssumption) -> Option<Configuration> {
@@ -96,10 +84,13 @@ impl RemainingMotion<'_> {
 
     /// The stretches to certify, with the rate that each assumes.
     pub(super) fn stretches(&self) -> impl Iterator<Item = (RateAssumption, Stretch)> {
-        let expected = (RateAssumption::MeasuredRate, self.whole(self.timing));
-        let at_full_rate = self
-            .at_full_rate
-            .map(|at_full_rate| (RateAssumption::FullRate, at_full_rate));
-        std::iter::once(expected).chain(at_full_rate)
+        let duration_s = self.motion.duration();
+        let whole = Stretch {
+            timing: self.progress.timing(),
+            until_s: duration_s,
+        };
+        let at_full_rate = self.progress.at_full_rate(self.stopping_s, duration_s);
+        let at_full_rate = at_full_rate.map(|stretch| (RateAssumption::FullRate, stretch));
+        std::iter::once((RateAssumption::MeasuredRate, whole)).chain(at_full_rate)
     }
 }

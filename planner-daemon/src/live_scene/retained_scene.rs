@@ -98,7 +98,7 @@ impl RetainedScene {
                 rest.padded,
                 &self.balls.resting,
                 rest.motion,
-                rest.from_s,
+                rest.progress.passed_s(),
             ))?;
         } else {
             stretch.until_s = (stretch.until_s + AHEAD_S).min(rest.motion.duration());
@@ -113,7 +113,7 @@ impl RetainedScene {
             stopping_s: rest.stopping_s,
             lag_allowance_s: rest.lag_allowance_s,
         };
-        let times = [rest.from_s, stretch.until_s];
+        let times = [rest.progress.passed_s(), stretch.until_s];
         let balls = cover.by_path_time(&self.balls.moving);
         let spread = cover.spread();
         let covers = Cover::ALL.into_iter();

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use realtime::{MappedFile, is_in_ram};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
-use shared_types::clock::{Suspension, suspended_ns};
+use shared_types::clock::{Suspension, mono_now_ns, suspended_ns};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::{MovingBall, SceneMessage};
 use shared_types::valid::{self, SourceName};
@@ -21,13 +21,14 @@ use shared_types::valid::{self, SourceName};
 pub(crate) const MAX_SOURCES: usize = 8;
 
 /// First word of the file: a number that is another one whenever the layout of the file or of a scene is.
-const FORMAT_ID: u64 = u64::from_le_bytes(*b"scenes\x02\x00") + PROTOCOL_VERSION as u64;
+const FORMAT_ID: u64 = u64::from_le_bytes(*b"scenes\x03\x00") + PROTOCOL_VERSION as u64;
 /// A folder whose files lie in memory alone.
 const SHARED_MEMORY: &str = "/dev/shm";
-/// Words before the first slot: [`FORMAT_ID`], the [`boot_id`] since which the stamps count, and for how long the machine had been
-/// suspended since.
-const HEADER_WORDS: usize = 4;
+/// Words before the first slot: [`FORMAT_ID`], the [`boot_id`] since which the stamps count, for how long the machine had been suspended
+/// since, and when that was noticed last.
+const HEADER_WORDS: usize = 5;
 const SUSPENDED: usize = 3;
+const RESUMED: usize = 4;
 /// Words of a ball: centre, radius and velocity.
 const BALL_WORDS: usize = 7;
 /// Where the words of a slot lie: its state ([`FREE`], [`UNKNOWN`] or [`COMPLETE`]), whether its source takes its leave, the publisher,
@@ -121,21 +122,30 @@ impl SceneMemory {
             for index in 0..MAX_SOURCES {
                 memory.slot(index).set_state(FREE);
             }
-            store(head, own);
+            store(head, own.into_iter().chain([0, 0]));
         }
-        memory.suspended(suspended_ns());
+        memory.notice_suspension(suspended_ns(), mono_now_ns());
         Ok(memory)
     }
 
-    /// Makes what was written before the machine was suspended unknown: `suspended_ns` in all since its start.
-    pub(super) fn suspended(&self, suspended_ns: i64) {
-        let noticed = &self.memory.words()[SUSPENDED];
-        if Suspension::noticed(load(noticed).cast_signed()).is_longer(suspended_ns) {
+    /// Makes what was written before the machine was suspended unknown: `suspended_ns` in all since its start. Whether that is news.
+    pub(super) fn notice_suspension(&self, suspended_ns: i64, now_mono_ns: i64) -> bool {
+        let noticed = load(&self.memory.words()[SUSPENDED]).cast_signed();
+        let is_longer = Suspension::noticed(noticed).is_longer(suspended_ns);
+        if is_longer {
             for index in 0..MAX_SOURCES {
                 self.slot(index).forget_scene();
             }
-            noticed.store(suspended_ns.cast_unsigned(), Ordering::Release);
+            let words = [suspended_ns, now_mono_ns].map(i64::cast_unsigned);
+            store(&self.memory.words()[SUSPENDED..], words);
         }
+        is_longer
+    }
+
+    /// When it was noticed last that the machine had been suspended, by this daemon or one before it, nanoseconds of `CLOCK_MONOTONIC`,
+    /// which stands meanwhile; 0 where it never was.
+    pub(super) fn resumed_mono_ns(&self) -> i64 {
+        load(&self.memory.words()[RESUMED]).cast_signed()
     }
 
     /// The sources that the file has.
@@ -399,14 +409,16 @@ mod tests {
         let folder = tempfile::tempdir_in(SHARED_MEMORY).unwrap();
         let mut memory = SceneMemory::open(&options(&folder)).unwrap();
         keep(&mut memory, &[source("camera", 7, 3)], 1);
-        memory.suspended(suspended_ns() + 99_000_000);
+        assert!(!memory.notice_suspension(suspended_ns() + 99_000_000, 5));
         let known = |folder| SceneMemory::open(&options(folder)).unwrap().recall();
         assert_eq!(known(&folder), [source("camera", 7, 3)]);
-        memory.suspended(suspended_ns() + 1_000_000_000);
+        assert!(memory.notice_suspension(suspended_ns() + 1_000_000_000, 7));
         let [(record, scene)] = &known(&folder)[..] else {
             panic!("the source is known");
         };
         assert_eq!((record.publisher, scene), (7, &None));
+        let next = SceneMemory::open(&options(&folder)).unwrap();
+        assert_eq!(next.resumed_mono_ns(), 7);
     }
 
     #[test]
@@ -447,6 +459,10 @@ mod tests {
         let mut memory = SceneMemory::open(&options(&folder)).unwrap();
         keep(&mut memory, &[source("camera", 7, 3)], 1);
         memory.memory.words()[1].fetch_add(1, Ordering::Release);
-        assert_eq!(SceneMemory::open(&options(&folder)).unwrap().recall(), []);
+        memory.memory.words()[SUSPENDED].store(u64::MAX >> 1, Ordering::Release);
+        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        assert_eq!(memory.recall(), []);
+        let suspended_ns = suspended_ns() + 1_000_000_000;
+        assert!(memory.notice_suspension(suspended_ns, mono_now_ns()));
     }
 }

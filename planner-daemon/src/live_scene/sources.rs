@@ -9,7 +9,7 @@ use shared_types::message::SceneMessage;
 use shared_types::valid::{self, Invalid, SourceName, stamp_refusal};
 
 use super::absence::SceneAbsence;
-use super::certificates::{Certificate, Certificates, RemainingMotion};
+use super::certificates::{Certificate, Certificates, RateAssumption, RemainingMotion};
 use super::in_the_way::InTheWay;
 use super::planned_scene::{SceneSnapshot, SourceSnapshot};
 use super::publishers::{FIRST_SCENE_TIMEOUT_NS, PublisherStatus, Publishers};
@@ -71,8 +71,6 @@ pub(crate) struct LiveScene {
     expected: bool,
     /// When this daemon began, nanoseconds: what was sent before may have been meant for another one.
     begun_mono_ns: i64,
-    /// When the machine last resumed after a suspension, nanoseconds: scenes of a time before do not count.
-    resumed_mono_ns: i64,
     versions: u64,
 }
 
@@ -92,7 +90,6 @@ impl LiveScene {
             robot,
             expected,
             begun_mono_ns,
-            resumed_mono_ns: i64::MIN,
             versions: 0,
         };
         for source in recalled {
@@ -128,12 +125,14 @@ impl LiveScene {
 
     /// Forgets every scene after a suspension of the machine (`suspended_ns` in all since it was booted): obstacles may have moved. The
     /// sources stay, so that nothing is executed until each publishes again or takes its leave.
-    pub(crate) fn resume(&mut self, suspended_ns: i64, now_mono_ns: i64) {
-        self.resumed_mono_ns = now_mono_ns;
+    pub(crate) fn watch_suspension(&mut self, suspended_ns: i64, now_mono_ns: i64) {
+        if !self.memory.notice_suspension(suspended_ns, now_mono_ns) {
+            return;
+        }
+        tracing::warn!("the machine was suspended: no scene from before counts");
         for source in &mut self.sources {
             source.latest = None;
         }
-        self.memory.suspended(suspended_ns);
         self.save();
     }
 
@@ -191,7 +190,7 @@ impl LiveScene {
         }
         let (stamp, lifetime) = (scene.stamp_mono_ns, scene.lifetime_ns);
         let refusal = stamp_refusal(stamp, lifetime, now.mono_ns, now.wall_ns)
-            .or_else(|| (stamp < self.resumed_mono_ns).then_some(SceneRefusal::TooOld));
+            .or_else(|| (stamp < self.memory.resumed_mono_ns()).then_some(SceneRefusal::TooOld));
         // A daemon that starts again hears leaves of any age.
         if scene.takes_leave && matches!(refusal, None | Some(SceneRefusal::TooOld)) {
             return Some(self.take_leave(&scene, publisher, now.mono_ns));
@@ -415,6 +414,7 @@ impl LiveScene {
                 .filter_map(|source| source.latest.as_ref())
         };
         certificates.keep_only(|version| latest().any(|latest| latest.version == version));
+        let from_s = rest.progress.passed_s();
         let mut at_the_end = Ok(());
         for (rate, stretch) in rest.stretches() {
             let certificate = |latest: &RetainedScene, stretch| Certificate {
@@ -423,7 +423,9 @@ impl LiveScene {
                 stretch,
             };
             let is_open = |latest: &&RetainedScene| {
-                !certificates.hold(&certificate(latest, stretch), latest.moves(), rest.from_s)
+                let wanted = certificate(latest, stretch);
+                let depends = latest.moves() || rate == RateAssumption::MeasuredRate;
+                depends && !certificates.hold(&wanted, latest.moves(), from_s)
             };
             let mut open: Vec<&RetainedScene> = latest().filter(is_open).collect();
             open.sort_by_key(|latest| latest.scene.balls.len());

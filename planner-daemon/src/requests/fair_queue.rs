@@ -29,14 +29,22 @@ impl<Client: PartialEq, Item> FairQueue<Client, Item> {
         Ok(())
     }
 
-    /// Takes the next item: the oldest of the client whose turn it is, which then waits until all others had theirs.
-    pub(crate) fn pop(&mut self) -> Option<Item> {
-        let (client, mut items) = self.turns.pop_front()?;
+    /// Takes the next item for which `is_out` is true: the oldest of the client whose turn it is of those whose oldest is such a one, which
+    /// then waits until all others had theirs.
+    pub(crate) fn pop_if(&mut self, is_out: impl Fn(&Item) -> bool) -> Option<Item> {
+        let is_turn = |(_, items): &(_, VecDeque<Item>)| items.front().is_some_and(&is_out);
+        let turn = self.turns.iter().position(is_turn)?;
+        let (client, mut items) = self.turns.remove(turn)?;
         let item = items.pop_front();
         if !items.is_empty() {
             self.turns.push_back((client, items));
         }
         item
+    }
+
+    /// Takes the next item, whatever it is.
+    pub(crate) fn pop(&mut self) -> Option<Item> {
+        self.pop_if(|_| true)
     }
 
     /// All items, in no order.
@@ -90,6 +98,18 @@ mod tests {
         assert_eq!(queue.pop(), Some(0));
         queue.push(2, 100).unwrap();
         assert_eq!([queue.pop(), queue.pop()], [Some(1), Some(100)]);
+    }
+
+    #[test]
+    fn what_is_not_wanted_now_keeps_its_place_and_all_that_its_client_has_behind_it() {
+        let mut queue = FairQueue::new(10);
+        for (client, item) in [('a', 1), ('a', 2), ('b', 4), ('c', 6)] {
+            queue.push(client, item).unwrap();
+        }
+        let even = |queue: &mut FairQueue<char, i32>| queue.pop_if(|item| item % 2 == 0);
+        assert_eq!([even(&mut queue), even(&mut queue)], [Some(4), Some(6)]);
+        assert_eq!(even(&mut queue), None);
+        assert_eq!([queue.pop(), queue.pop()], [Some(1), Some(2)]);
     }
 
     #[test]

@@ -39,17 +39,22 @@ struct Start {
 }
 
 impl Service {
-    /// Hands the next request over to planning, if that is idle and the request's start is known.
+    /// Hands the next request over to planning, if that is idle and the request's start is known: beside one that waits for the robot, those
+    /// that begin elsewhere.
     pub(super) fn begin_next(&mut self) -> bool {
         if self.in_flight.is_some() {
             return false;
         }
-        let first = |queued| (queued, Attempt::FIRST);
-        let deferred = self.deferred.take();
-        let Some((queued, attempt)) = deferred.or_else(|| self.queue.pop().map(first)) else {
-            return false;
+        if let Some((queued, attempt)) = self.deferred.take()
+            && self.begin(queued, attempt)
+        {
+            return true;
+        }
+        let next = match &self.deferred {
+            Some(_) => self.queue.pop_if(|queued| !queued.task.starts_at_robot),
+            None => self.queue.pop(),
         };
-        self.begin(queued, attempt)
+        next.is_some_and(|queued| self.begin(queued, Attempt::FIRST))
     }
 
     /// Begins to plan a request; false where that is deferred.

@@ -1,12 +1,13 @@
 //! Which scenes count for how long, and what they mean for a motion.
 
+use shared_types::clock::suspended_ns;
 use shared_types::ipc::IpcOptions;
 use shared_types::message;
 use shared_types::valid::Scene as ValidScene;
 
 use super::*;
 use crate::fixtures::{motion, robot_of_sections, unit_robot};
-use crate::live_scene::Timing;
+use crate::live_scene::Progress;
 
 mod certified;
 
@@ -94,7 +95,7 @@ fn leave(source: &str, stamp_mono_ns: i64) -> ValidScene {
 
 /// What is left of a motion from its begin on is free of all obstacles that count.
 fn is_free(live: &LiveScene) -> bool {
-    certify(live, 0.0, Timing::from_begin(NOW), 0.0).is_ok()
+    certify(live, Progress::from_begin(NOW), 0.0).is_ok()
 }
 
 /// What a scene of one source that was just published means for a motion that begins then.
@@ -102,22 +103,15 @@ fn verdict(balls: &[([f64; 3], [f64; 3])], begin_mono_ns: i64) -> Result<(), InT
     let mut live = live();
     let latest = take(&mut live, &scene("a", NOW, balls), 1, NOW);
     assert_eq!(latest, SceneRefusal::None);
-    certify(&live, 0.0, Timing::from_begin(begin_mono_ns), 0.0)
+    certify(&live, Progress::from_begin(begin_mono_ns), 0.0)
 }
 
-fn certify(
-    live: &LiveScene,
-    from_s: f64,
-    timing: Timing,
-    lag_allowance_s: f64,
-) -> Result<(), InTheWay> {
+fn certify(live: &LiveScene, progress: Progress, lag_allowance_s: f64) -> Result<(), InTheWay> {
     let (padded, motion) = (unit_robot(), motion());
     let rest = RemainingMotion {
         padded: &padded,
         motion: &motion,
-        from_s,
-        timing,
-        at_full_rate: None,
+        progress,
         stopping_s: 0.0,
         lag_allowance_s,
     };
@@ -134,11 +128,11 @@ fn the_obstacles_of_all_sources_count_together_until_one_takes_its_leave() {
         NOW,
     );
     take(&mut live, &scene("b", NOW, &[(ASIDE, [0.0; 3])]), 2, NOW);
-    let timing = Timing::from_begin(NOW);
-    assert!(certify(&live, 0.0, timing, 0.0).is_err());
+    let progress = Progress::from_begin(NOW);
+    assert!(certify(&live, progress, 0.0).is_err());
     let left = take(&mut live, &leave("a", NOW + 1), 1, NOW + 1);
     assert_eq!(left, SceneRefusal::None);
-    assert!(certify(&live, 0.0, timing, 0.0).is_ok());
+    assert!(certify(&live, progress, 0.0).is_ok());
     assert_eq!(live.absence(NOW + 2), None);
 }
 
@@ -194,17 +188,23 @@ fn what_is_refused_is_named_and_its_source_is_missed() {
 
 #[test]
 fn what_was_told_before_the_machine_was_suspended_counts_no_more() {
-    let mut live = live();
+    let folder = tempfile::tempdir_in("/dev/shm").unwrap();
+    let mut live = after_another(&folder, LENGTH_M, false);
     take(&mut live, &scene("a", NOW, &[]), 1, NOW);
     assert_eq!(live.absence(NOW), None);
-    live.resume(SECOND, NOW + 2);
+    live.watch_suspension(suspended_ns() + SECOND, NOW + 2);
     let absence = live.absence(NOW + 2).unwrap();
     assert!(absence.to_string().contains("\"a\""), "{absence}");
     let told_before = take(&mut live, &scene("a", NOW + 1, &[]), 1, NOW + 3);
     assert_eq!(told_before, SceneRefusal::TooOld);
     assert!(live.absence(NOW + 3).is_some());
-    take(&mut live, &scene("a", NOW + 2, &[]), 1, NOW + 3);
-    assert_eq!(live.absence(NOW + 3), None);
+    let mut next = after_another(&folder, LENGTH_M, false);
+    let told_before = take(&mut next, &scene("a", NOW + 1, &[]), 1, NOW + 3);
+    assert_eq!(told_before, SceneRefusal::TooOld, "by the next daemon");
+    for mut live in [live, next] {
+        take(&mut live, &scene("a", NOW + 2, &[]), 1, NOW + 3);
+        assert_eq!(live.absence(NOW + 3), None);
+    }
 }
 
 #[test]

@@ -3,8 +3,16 @@
 use pcc_model::Point;
 
 use super::*;
-use crate::live_scene::Stretch;
-use crate::live_scene::certificates::RateAssumption;
+use crate::live_scene::Timing;
+use crate::live_scene::moving_ball_cover::Stretch;
+
+fn passing(time_s: f64, mono_ns: i64, rate: f64) -> Progress {
+    Progress {
+        time_s,
+        mono_ns,
+        rate,
+    }
+}
 
 fn is_on_the_way(verdict: Result<(), InTheWay>) -> bool {
     matches!(verdict, Err(InTheWay::OnTheWay { .. }))
@@ -33,11 +41,11 @@ fn a_ball_that_comes_to_the_end_is_named_after_one_that_comes_before_it() {
     let (padded, end) = (unit_robot(), motion().end());
     let tip = padded.tip(&end) * LENGTH_M;
     let coming = |beside_m: f64| [([tip.x + beside_m, tip.y + 9.0, tip.z], [0.0, -1.0, 0.0])];
-    let timing = Timing::from_begin(NOW);
+    let progress = Progress::from_begin(NOW);
     take(&mut live, &scene("a", NOW, &coming(0.3)), 1, NOW);
-    assert_eq!(certify(&live, 0.0, timing, 0.0), Ok(()), "it passes beside");
+    assert_eq!(certify(&live, progress, 0.0), Ok(()), "it passes beside");
     take(&mut live, &scene("b", NOW, &coming(0.0)), 2, NOW);
-    let found = certify(&live, 0.0, timing, 0.0);
+    let found = certify(&live, progress, 0.0);
     assert_eq!(found, Err(InTheWay::AtTheEnd));
     take(
         &mut live,
@@ -45,7 +53,7 @@ fn a_ball_that_comes_to_the_end_is_named_after_one_that_comes_before_it() {
         3,
         NOW,
     );
-    assert!(is_on_the_way(certify(&live, 0.0, timing, 0.0)));
+    assert!(is_on_the_way(certify(&live, progress, 0.0)));
 }
 
 #[test]
@@ -63,8 +71,8 @@ fn room_for_a_lag_is_asked_for_where_it_is_wanted() {
     let mut live = live();
     take(&mut live, &scene("a", NOW, &coming), 1, NOW);
     let end = motion().duration();
-    let timing = Timing::passing(end, NOW + 3 * SECOND, 1.0);
-    let late = |allowance| certify(&live, end, timing, allowance);
+    let progress = passing(end, NOW + 3 * SECOND, 1.0);
+    let late = |allowance| certify(&live, progress, allowance);
     assert_eq!(late(0.0), Err(InTheWay::AtTheEnd));
     assert!(is_on_the_way(late(0.5)));
 }
@@ -75,7 +83,7 @@ fn a_slow_motion_meets_a_ball_that_a_fast_one_leaves_behind() {
     let coming = [([5.0, 0.0, 0.75], [-1.0, 0.0, 0.0])];
     take(&mut live, &scene("a", NOW, &coming), 1, NOW);
     let half = 0.5 * motion().duration();
-    let at_rate = |rate| certify(&live, half, Timing::passing(half, NOW, rate), 0.0);
+    let at_rate = |rate| certify(&live, passing(half, NOW, rate), 0.0);
     assert!(is_on_the_way(at_rate(0.1)));
     assert_eq!(at_rate(1.0), Err(InTheWay::AtTheEnd));
 }
@@ -84,14 +92,10 @@ fn a_slow_motion_meets_a_ball_that_a_fast_one_leaves_behind() {
 fn a_slow_motion_that_may_speed_up_before_its_controller_says_so_is_certified_at_full_rate_too() {
     let (padded, motion) = (unit_robot(), motion());
     let half = 0.5 * motion.duration();
-    let full = Stretch {
-        timing: Timing::passing(half, NOW, 1.0),
-        until_s: half + 0.45,
-    };
     let tip = |ahead_s: f64| padded.tip(&motion.at(half + ahead_s).position);
     let onward = (tip(0.45) - tip(0.0)).normalize();
     let across = onward.cross(&tip(0.45)).normalize();
-    let is_free = |at_full_rate, before: f64| {
+    let only_if_slow = |before: f64| {
         // It crosses the way before the robot now, and is gone when the slow motion comes there.
         let centre: Point = (tip(0.45) + onward * before) * LENGTH_M;
         let mut live = live();
@@ -100,18 +104,17 @@ fn a_slow_motion_that_may_speed_up_before_its_controller_says_so_is_certified_at
         let rest = RemainingMotion {
             padded: &padded,
             motion: &motion,
-            from_s: half,
-            timing: Timing::passing(half, NOW, 0.05),
-            at_full_rate,
+            progress: passing(half, NOW, 0.05),
             stopping_s: 0.0,
             lag_allowance_s: 0.0,
         };
-        live.certify(&rest, &mut Certificates::default()).is_ok()
+        let latest = live.sources[0].latest.as_ref().unwrap();
+        let (rate, whole) = rest.stretches().next().unwrap();
+        let is_free_if_slow = latest.certify(&rest, rate, whole).is_ok();
+        is_free_if_slow && live.certify(&rest, &mut Certificates::default()).is_err()
     };
     let before = (0..100).map(|i| 0.01 * f64::from(i));
-    let only_if_slow =
-        before.filter(|&before| is_free(None, before) && !is_free(Some(full), before));
-    assert!(only_if_slow.count() > 0);
+    assert!(before.filter(|&before| only_if_slow(before)).count() > 0);
 }
 
 #[test]
@@ -128,9 +131,7 @@ fn only_what_changed_is_certified_again() {
         let rest = RemainingMotion {
             padded: &padded,
             motion: &motion,
-            from_s: 0.0,
-            timing: Timing::from_begin(begin_mono_ns),
-            at_full_rate: None,
+            progress: Progress::from_begin(begin_mono_ns),
             stopping_s: 0.0,
             lag_allowance_s: 0.0,
         };
@@ -151,7 +152,8 @@ fn only_what_changed_is_certified_again() {
         };
         let held: Vec<[bool; 2]> = held
             .map(|latest| {
-                let wanted = [rest.timing, later].map(|timing| certificate(latest.version, timing));
+                let wanted = [rest.progress.timing(), later]
+                    .map(|timing| certificate(latest.version, timing));
                 wanted.map(|wanted| certificates.hold(&wanted, latest.moves(), 0.0))
             })
             .collect();
