@@ -1,6 +1,7 @@
 //! Plans that become motions, and processes that die under them.
 #![allow(clippy::unwrap_used)]
 
+use shared_types::clock::mono_now_ns;
 use shared_types::codes::{MotorState, Outcome, Refusal};
 use shared_types::valid::{Command, Goal, PlanRequest, PlannedExecution};
 use tests::disturbance::Kind;
@@ -150,4 +151,33 @@ fn a_plan_is_executed_after_it_was_looked_at_unless_a_stop_comes_between() {
     assert_eq!(answer.report().outcome, Outcome::ExecutionRefused);
     let reason = &answer.report().reason;
     assert!(reason.contains("plan again"), "{reason}");
+}
+
+#[test]
+fn a_plan_that_begins_elsewhere_is_made_while_another_waits_for_the_robot() {
+    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let from_robot = PlanRequest {
+        deadline: Some(NO_DEADLINE),
+        ..PlanRequest::from_robot(Goal::tip([1.5, 0.0, 2.4]))
+    };
+    let begins_late = PlanRequest {
+        execute: true,
+        begin_mono_ns: Some(mono_now_ns() + 1_000_000_000),
+        ..from_robot.clone()
+    };
+    let answer = stack.client.plan(&begins_late, PATIENCE).unwrap();
+    let id = answer.report().trajectory_id.unwrap();
+    let elsewhere = PlanRequest {
+        deadline: Some(NO_DEADLINE),
+        ..PlanRequest::new([0.3; 6], Goal::Configuration([0.2; 6]))
+    };
+    let mut waits = stack.client.submit(&from_robot).unwrap();
+    let elsewhere = stack.client.submit(&elsewhere).unwrap();
+    let made = stack.client.wait(elsewhere, PATIENCE).unwrap();
+    assert_eq!(made.report().outcome, Outcome::Ok);
+    let answer = stack.client.poll(&mut waits).unwrap();
+    assert!(answer.is_none(), "the robot is about to begin");
+    let refused = stack.client.wait(waits, PATIENCE).unwrap();
+    assert_eq!(refused.report().outcome, Outcome::RobotNotReady);
+    stack.wait_for_end(id).unwrap();
 }

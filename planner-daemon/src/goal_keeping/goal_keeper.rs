@@ -243,10 +243,15 @@ impl GoalKeeper {
         }
     }
 
-    /// Whether the goal is a target that moves.
+    /// Whether the goal is a target that moves, and the robot on its way to it within the limits that are wanted now.
     pub(crate) fn follows_target(&self) -> bool {
-        let newest = self.kept.as_ref().map(|kept| &kept.newest);
-        newest.is_some_and(|goal| goal.tip_velocity_m_s != [0.0; 3])
+        self.kept.as_ref().is_some_and(|kept| {
+            let newest = &kept.newest;
+            let heading = kept.headings.last();
+            let has_its_limits =
+                heading.is_some_and(|it| it.target.limits_scale == newest.limits_scale);
+            newest.tip_velocity_m_s != [0.0; 3] && has_its_limits
+        })
     }
 
     /// Whether the goal is elsewhere than where it was when the last plan was made.

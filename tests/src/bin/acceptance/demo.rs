@@ -64,18 +64,15 @@ pub(crate) fn on_a_clean_clone(
     }
     let output = demo.output()?;
     let error = String::from_utf8_lossy(&output.stderr);
-    let last = error.lines().rev().take(2).collect::<Vec<_>>().join(" | ");
+    let mut figure = output.status.to_string();
+    if !output.status.success() {
+        eprintln!("{}{error}", String::from_utf8_lossy(&output.stdout));
+        let last = error.lines().rev().take(2).collect::<Vec<_>>().join(" | ");
+        figure = format!("{figure}: {last}");
+    }
     report.check(
         "scripts/demo on a clean clone",
-        format!(
-            "{}{}",
-            output.status,
-            if output.status.success() {
-                String::new()
-            } else {
-                format!(": {last}")
-            }
-        ),
+        figure,
         "exit status: 0",
         output.status.success(),
     );

@@ -175,17 +175,21 @@ fn a_goal_that_jumps_and_comes_back_is_planned_for_again() {
 }
 
 #[test]
-fn a_goal_with_a_velocity_is_a_target_that_is_followed() {
-    let mut bench = Bench::new();
-    assert!(!bench.keeper.follows_target());
-    bench.give(tip_at(1.0, 0));
-    assert!(!bench.keeper.follows_target());
-    let moving = StandingGoal {
+fn a_goal_with_a_velocity_is_followed_by_motions_with_its_limits() {
+    let moving = |ms| StandingGoal {
         tip_velocity_m_s: [0.1, 0.0, 0.0],
-        ..tip_at(1.0, 1)
+        ..tip_at(1.0, ms)
     };
-    bench.give(moving);
+    let mut bench = Bench::new();
+    bench.give(moving(0));
+    assert!(!bench.keeper.follows_target(), "the robot rests");
+    bench.heads(&holding(), 7);
     assert!(bench.keeper.follows_target());
+    bench.give(StandingGoal {
+        limits_scale: 0.5,
+        ..moving(1)
+    });
+    assert!(!bench.keeper.follows_target(), "other limits");
     bench.give(tip_at(1.0, 2));
-    assert!(!bench.keeper.follows_target());
+    assert!(!bench.keeper.follows_target(), "it rests");
 }
