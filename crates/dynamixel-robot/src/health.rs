@@ -7,11 +7,17 @@ use shared_types::codes::MotorFault;
 /// Time for which a tendon may be slack: a motion that gives way fast is no loss of tension.
 const SLACK_FOR: Duration = Duration::from_millis(200);
 
-/// The servos' answers so far.
+/// The servos' answers so far, by the time for which the driver has looked at them.
 pub(crate) struct Health {
     silent_after: Duration,
-    heard: Vec<Instant>,
-    tense: Vec<Instant>,
+    /// Most that a cycle counts for: a driver that was held up has heard nobody.
+    longest_cycle: Duration,
+    /// When the cycle began, and the time that counts until then.
+    cycle_began: Instant,
+    looked_for: Duration,
+    /// The time that counted when each servo was heard last, and when its tendon was tense.
+    heard: Vec<Duration>,
+    tense: Vec<Duration>,
     in_error: Vec<bool>,
     /// Whether the line takes nothing any more.
     line_is_lost: bool,
@@ -23,11 +29,19 @@ pub(crate) struct Health {
 
 impl Health {
     /// Servos that have all answered now.
-    pub(crate) fn new(servos: usize, silent_after: Duration, now: Instant) -> Self {
+    pub(crate) fn new(
+        servos: usize,
+        silent_after: Duration,
+        longest_cycle: Duration,
+        now: Instant,
+    ) -> Self {
         Self {
             silent_after,
-            heard: vec![now; servos],
-            tense: vec![now; servos],
+            longest_cycle,
+            cycle_began: now,
+            looked_for: Duration::ZERO,
+            heard: vec![Duration::ZERO; servos],
+            tense: vec![Duration::ZERO; servos],
             in_error: vec![false; servos],
             line_is_lost: false,
             watchdogs_have_tripped: false,
@@ -35,18 +49,17 @@ impl Health {
         }
     }
 
+    pub(crate) fn begin_cycle(&mut self, now: Instant) {
+        self.looked_for += (now - self.cycle_began).min(self.longest_cycle);
+        self.cycle_began = now;
+    }
+
     /// A servo has answered; returns whether it was silent before.
-    pub(crate) fn hear(
-        &mut self,
-        now: Instant,
-        tendon: usize,
-        is_in_error: bool,
-        is_slack: bool,
-    ) -> bool {
-        let was_silent = now - self.heard[tendon] > self.silent_after;
-        self.heard[tendon] = now;
+    pub(crate) fn hear(&mut self, tendon: usize, is_in_error: bool, is_slack: bool) -> bool {
+        let was_silent = self.looked_for - self.heard[tendon] > self.silent_after;
+        self.heard[tendon] = self.looked_for;
         if !is_slack {
-            self.tense[tendon] = now;
+            self.tense[tendon] = self.looked_for;
         }
         self.in_error[tendon] |= is_in_error;
         was_silent
@@ -70,8 +83,8 @@ impl Health {
     }
 
     /// The worst that is wrong, and the tendon that it is about.
-    pub(crate) fn fault(&self, now: Instant) -> (MotorFault, Option<usize>) {
-        let is_silent = |heard: &Instant| now - *heard > self.silent_after;
+    pub(crate) fn fault(&self) -> (MotorFault, Option<usize>) {
+        let is_silent = |heard: &Duration| self.looked_for - *heard > self.silent_after;
         let is_lost = self.line_is_lost || self.watchdogs_have_tripped;
         if is_lost || self.heard.iter().all(is_silent) {
             return (MotorFault::Bus, None);
@@ -82,7 +95,7 @@ impl Health {
         if self.homeless {
             return (MotorFault::Motor, None);
         }
-        let is_slack = |tense: &Instant| now - *tense > SLACK_FOR;
+        let is_slack = |tense: &Duration| self.looked_for - *tense > SLACK_FOR;
         let missing = self.heard.iter().position(is_silent);
         let missing = missing.or_else(|| self.tense.iter().position(is_slack));
         match missing {
@@ -101,34 +114,53 @@ mod tests {
     #[test]
     fn the_worst_is_told_first_and_what_passes_is_forgotten() {
         let begun = Instant::now();
-        let at = |ms: u32| begun + ms * MS;
-        let mut health = Health::new(2, 20 * MS, begun);
-        assert_eq!(health.fault(at(20)), (MotorFault::None, None));
-        assert!(health.hear(at(21), 0, false, false), "it was silent");
-        assert!(!health.hear(at(22), 0, false, false));
-        assert_eq!(health.fault(at(22)), (MotorFault::Sensor, Some(1)));
-        assert_eq!(health.fault(at(43)), (MotorFault::Bus, None));
+        let mut health = Health::new(2, 20 * MS, 100 * MS, begun);
+        let begin = |health: &mut Health, ms: u32| health.begin_cycle(begun + ms * MS);
+        begin(&mut health, 20);
+        assert_eq!(health.fault(), (MotorFault::None, None));
+        begin(&mut health, 21);
+        assert!(health.hear(0, false, false), "it was silent");
+        begin(&mut health, 22);
+        assert!(!health.hear(0, false, false));
+        assert_eq!(health.fault(), (MotorFault::Sensor, Some(1)));
+        begin(&mut health, 43);
+        assert_eq!(health.fault(), (MotorFault::Bus, None));
         for tendon in 0..2 {
-            health.hear(at(43), tendon, false, false);
+            health.hear(tendon, false, false);
         }
-        assert_eq!(health.fault(at(43)), (MotorFault::None, None));
-        health.hear(at(44), 1, true, false);
-        health.hear(at(45), 1, false, false);
-        assert_eq!(health.fault(at(45)), (MotorFault::Motor, Some(1)));
+        assert_eq!(health.fault(), (MotorFault::None, None));
+        health.hear(1, true, false);
+        health.hear(1, false, false);
+        assert_eq!(health.fault(), (MotorFault::Motor, Some(1)));
         health.lose_line();
-        assert_eq!(health.fault(at(45)), (MotorFault::Bus, None));
+        assert_eq!(health.fault(), (MotorFault::Bus, None));
     }
 
     #[test]
     fn a_tendon_may_be_slack_for_a_moment() {
         let begun = Instant::now();
-        let mut health = Health::new(1, 9_000 * MS, begun);
-        health.hear(begun + SLACK_FOR, 0, false, true);
-        assert_eq!(health.fault(begun + SLACK_FOR).0, MotorFault::None);
-        let later = begun + SLACK_FOR + MS;
-        health.hear(later, 0, false, true);
-        assert_eq!(health.fault(later), (MotorFault::Sensor, Some(0)));
-        health.hear(later, 0, false, false);
-        assert_eq!(health.fault(later).0, MotorFault::None);
+        let mut health = Health::new(1, 9_000 * MS, 9_000 * MS, begun);
+        health.begin_cycle(begun + SLACK_FOR);
+        health.hear(0, false, true);
+        assert_eq!(health.fault().0, MotorFault::None);
+        health.begin_cycle(begun + SLACK_FOR + MS);
+        health.hear(0, false, true);
+        assert_eq!(health.fault(), (MotorFault::Sensor, Some(0)));
+        health.hear(0, false, false);
+        assert_eq!(health.fault().0, MotorFault::None);
+    }
+
+    #[test]
+    fn while_the_driver_is_held_up_no_servo_is_silent_for_longer_than_a_cycle() {
+        let mut now = Instant::now();
+        let mut health = Health::new(1, 20 * MS, 8 * MS, now);
+        for _ in 0..2 {
+            now += 500 * MS;
+            health.begin_cycle(now);
+            assert_eq!(health.fault(), (MotorFault::None, None));
+        }
+        now += 500 * MS;
+        health.begin_cycle(now);
+        assert_eq!(health.fault(), (MotorFault::Bus, None), "three cycles");
     }
 }

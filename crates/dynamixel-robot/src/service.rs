@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use input_files::SettingsError;
 use robot_driver::{
     DriverSettings, ReferenceLimits, RobotConnection, RobotDriver, TENDONS, TendonState,
-    TendonVector, off_configuration_m,
+    TendonVector, longest_cycle_ns, off_configuration_m,
 };
 use shared_types::codes::MotorFault;
 use shared_types::ipc::{IpcError, IpcOptions};
@@ -140,7 +140,12 @@ pub fn run(
         .max(3 * turns.len() as u32 * config.period);
     let process = Process {
         driver: connection.drive_from(&state),
-        health: Health::new(bus.count(), silent_after, Instant::now()),
+        health: Health::new(
+            bus.count(),
+            silent_after,
+            Duration::from_nanos(longest_cycle_ns(config.period).unsigned_abs()),
+            Instant::now(),
+        ),
         told: (MotorFault::None, false),
         mark: home.mark,
         marks_due: [false; TENDONS],
@@ -259,13 +264,14 @@ impl Process {
     fn step(&mut self) {
         let targets = self.driver.next_targets();
         let begun = Instant::now();
+        self.health.begin_cycle(begun);
         let ahead = |k: usize| targets.position_m[k] + self.lag_s * targets.velocity_m_s[k];
         let goals_m = std::array::from_fn(ahead);
         self.spools.positions(&goals_m, &mut self.goals);
         if self.talk(begun + self.answers_by).is_err() {
             self.health.lose_line();
         }
-        let (fault, tendon) = self.health.fault(Instant::now());
+        let (fault, tendon) = self.health.fault();
         self.tell(fault, tendon);
         self.driver.report(&self.measured_m, fault);
     }
@@ -293,7 +299,7 @@ impl Process {
         bus.receive_states(tendons.len(), deadline, |tendon, state: ServoState| {
             measured_m[tendon] = spools.length_m(tendon, state.position);
             let is_slack = state.current.unsigned_abs() < self.slack;
-            marks_due[tendon] |= health.hear(Instant::now(), tendon, state.is_in_error, is_slack);
+            marks_due[tendon] |= health.hear(tendon, state.is_in_error, is_slack);
         });
         // An answer that is lost is asked for again in the next cycle; a line that is lost says so when goals are written.
         let due = marks_due.iter().position(|is_due| *is_due);
