@@ -1,10 +1,12 @@
 //! All servos of a robot on their serial line.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use dynamixel2::instructions::SyncWriteData;
 use dynamixel2::{Bus, ReadError, TransferError, WriteError};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::registers::{GOAL_POSITION, HARDWARE_ERROR_STATUS, PRESENT_STATE, STATE_BYTES};
 
@@ -18,6 +20,9 @@ const STATUS_OVERHEAD: u32 = 11;
 /// Time that adapter and system add to a read outside the loop, and to one within it.
 const SLACK_OF_A_READ: Duration = Duration::from_millis(10);
 const SLACK_IN_THE_LOOP: Duration = Duration::from_millis(2);
+/// Time in which a look at what has come ends, less than a millisecond: of longer ones `serial2` waits for the whole milliseconds, and of none
+/// it does not look.
+const LOOK: Duration = Duration::from_micros(500);
 /// Bits on the line for each byte.
 const BITS_OF_A_BYTE: u32 = 10;
 
@@ -214,17 +219,22 @@ impl ServoBus {
             .write_instruction(BROADCAST, SYNC_READ, parameters, encode)?)
     }
 
-    /// The answers of so many servos until a deadline, each told with its tendon. A servo that is silent, or whose answer is damaged, is
-    /// left out.
+    /// The answers of so many servos until a deadline, and those that have come before it is looked, each told with its tendon. A servo that is
+    /// silent, or whose answer is damaged, is left out.
     pub(crate) fn receive_states(
         &mut self,
         count: usize,
         deadline: Instant,
         mut told: impl FnMut(usize, ServoState),
     ) {
-        for _ in 0..count {
-            match self.bus.read_status_response_deadline(deadline) {
+        let mut left = count;
+        while left > 0 {
+            match self
+                .bus
+                .read_status_response_deadline(Instant::now() + LOOK)
+            {
                 Ok(packet) => {
+                    left -= 1;
                     let id = packet.packet_id();
                     let tendon = self.ids.iter().position(|known| *known == id);
                     let state = state_of(packet.parameters(), packet.alert());
@@ -232,11 +242,25 @@ impl ServoBus {
                         told(tendon, state);
                     }
                 }
-                // Nothing more has come by the deadline, or the line is gone.
-                Err(ReadError::Io(_)) => return,
-                Err(_) => {}
+                Err(ReadError::Io(error)) => {
+                    let is_open = error.kind() == ErrorKind::TimedOut;
+                    if !is_open || !self.has_bytes_by(deadline) {
+                        return;
+                    }
+                }
+                Err(_) => left -= 1,
             }
         }
+    }
+
+    /// Waits for bytes until a deadline, to the microsecond; whether some have come before it.
+    fn has_bytes_by(&self, deadline: Instant) -> bool {
+        let now = Instant::now();
+        let Ok(left) = Timespec::try_from(deadline.saturating_duration_since(now)) else {
+            return false;
+        };
+        let mut line = [PollFd::new(self.bus.serial_port(), PollFlags::IN)];
+        now < deadline && matches!(poll(&mut line, Some(&left)), Ok(1..))
     }
 
     /// The states of all servos, each asked until it answers.
@@ -328,7 +352,71 @@ fn without_stuffing(parameters: &[u8]) -> Option<[u8; STATE_BYTES as usize]> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
+    use std::io::Write;
+
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
     use super::*;
+
+    /// The state of servo 1 or 2 at position 0, by the protocol's description, with its checksum.
+    const STATES: [[u8; 21]; 2] = [
+        [
+            0xFF, 0xFF, 0xFD, 0, 1, 14, 0, 0x55, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x9C, 0x70,
+        ],
+        [
+            0xFF, 0xFF, 0xFD, 0, 2, 14, 0, 0x55, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x96, 0x73,
+        ],
+    ];
+
+    /// A line of two servos, and its other end.
+    fn line() -> (ServoBus, File) {
+        let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+        grantpt(&terminal).unwrap();
+        unlockpt(&terminal).unwrap();
+        let device = ptsname(&terminal, Vec::new()).unwrap();
+        let bus = ServoBus::open(Path::new(device.to_str().unwrap()), 57_600, &[1, 2]).unwrap();
+        (bus, terminal.into())
+    }
+
+    fn heard(bus: &mut ServoBus, deadline: Instant) -> Vec<usize> {
+        let mut tendons = Vec::new();
+        bus.receive_states(2, deadline, |tendon, _| tendons.push(tendon));
+        tendons
+    }
+
+    #[test]
+    fn what_has_come_before_it_is_looked_counts_whatever_the_deadline() {
+        let (mut bus, mut servos) = line();
+        servos.write_all(STATES.as_flattened()).unwrap();
+        assert!(bus.has_bytes_by(Instant::now() + Duration::from_secs(5)));
+        assert_eq!(heard(&mut bus, Instant::now()), [0, 1]);
+        assert_eq!(heard(&mut bus, Instant::now()), [0; 0]);
+    }
+
+    #[test]
+    fn an_answer_in_two_pieces_is_waited_for() {
+        let (mut bus, mut servos) = line();
+        let (first, second) = STATES.as_flattened().split_at(30);
+        servos.write_all(first).unwrap();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                std::thread::sleep(Duration::from_millis(3));
+                servos.write_all(second).unwrap();
+            });
+            let deadline = Instant::now() + Duration::from_secs(5);
+            assert_eq!(heard(&mut bus, deadline), [0, 1]);
+            assert!(Instant::now() < deadline);
+        });
+    }
+
+    #[test]
+    fn a_deadline_within_a_millisecond_is_waited_for() {
+        let (bus, _servos) = line();
+        let deadline = Instant::now() + Duration::from_micros(900);
+        assert!(!bus.has_bytes_by(deadline));
+        assert!(Instant::now() >= deadline);
+    }
 
     #[test]
     fn a_velocity_and_a_position_that_look_like_a_header_are_understood() {

@@ -92,6 +92,8 @@ struct Process {
     /// Tendons that are read in a cycle, a part of them after the other.
     turns: Vec<Vec<usize>>,
     cycle: usize,
+    /// Servos that were asked last and have not answered yet.
+    asked: usize,
     goals: Vec<i32>,
     measured_m: TendonVector,
     /// Time without a packet after which the servos stop and take no goal any more; none: never.
@@ -154,6 +156,7 @@ pub fn run(
         answers_by,
         turns,
         cycle: 0,
+        asked: 0,
         goals,
         measured_m,
         watchdog: Some(u32::from(config.bus_watchdog) * WATCHDOG_MS)
@@ -278,29 +281,50 @@ impl Process {
 
     /// Writes the goals and reads the servos whose turn it is.
     fn talk(&mut self, deadline: Instant) -> Result<(), BusError> {
+        // What came too late for the last cycle: the next packet throws away what was not read.
+        self.listen(Instant::now());
+        let tendons = &self.turns[self.cycle % self.turns.len()];
+        self.cycle += 1;
+        if (self.watchdog).is_some_and(|watchdog| self.sent.elapsed() > watchdog) {
+            self.health.trip_watchdogs();
+        }
+        self.bus.send_goals(&self.goals)?;
+        self.bus.ask_for_states(tendons)?;
+        self.sent = Instant::now();
+        self.asked = tendons.len();
+        self.listen(deadline);
+        self.look_at_marks();
+        Ok(())
+    }
+
+    /// Takes the answers of the servos that were asked last and have not answered yet.
+    fn listen(&mut self, deadline: Instant) {
         let Self {
             bus,
             spools,
             health,
             measured_m,
             marks_due,
-            watchdog,
-            sent,
+            asked,
             ..
         } = self;
-        if watchdog.is_some_and(|watchdog| sent.elapsed() > watchdog) {
-            health.trip_watchdogs();
-        }
-        let tendons = &self.turns[self.cycle % self.turns.len()];
-        self.cycle += 1;
-        bus.send_goals(&self.goals)?;
-        bus.ask_for_states(tendons)?;
-        *sent = Instant::now();
-        bus.receive_states(tendons.len(), deadline, |tendon, state: ServoState| {
+        let count = *asked;
+        bus.receive_states(count, deadline, |tendon, state: ServoState| {
+            *asked -= 1;
             measured_m[tendon] = spools.length_m(tendon, state.position);
             let is_slack = state.current.unsigned_abs() < self.slack;
             marks_due[tendon] |= health.hear(tendon, state.is_in_error, is_slack);
         });
+    }
+
+    /// Reads what a servo that was silent has forgotten, and whether its watchdog has tripped.
+    fn look_at_marks(&mut self) {
+        let Self {
+            bus,
+            health,
+            marks_due,
+            ..
+        } = self;
         // An answer that is lost is asked for again in the next cycle; a line that is lost says so when goals are written.
         let due = marks_due.iter().position(|is_due| *is_due);
         if let Some(tendon) = due
@@ -315,7 +339,6 @@ impl Process {
                 health.trip_watchdogs();
             }
         }
-        Ok(())
     }
 
     /// Tells the log what has become of the servos.
