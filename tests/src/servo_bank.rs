@@ -85,6 +85,8 @@ struct Bank {
     sent: u32,
     /// Instruction packets that came, by which single ones are lost or damaged.
     heard: u32,
+    /// Packets, or bursts of them, that were lost, damaged or late.
+    spoilt: u32,
 }
 
 /// A bank of servos that answers on a pseudo-terminal until it is dropped.
@@ -135,6 +137,7 @@ impl ServoBank {
             baud,
             sent: 0,
             heard: 0,
+            spoilt: 0,
         };
         let bank = Arc::new(Mutex::new(bank));
         let ended = Arc::<AtomicBool>::default();
@@ -193,6 +196,12 @@ impl ServoBank {
         if let Some((servo, status)) = bank.faults.in_error {
             bank.servos[servo].fail(status);
         }
+    }
+
+    /// Packets, or bursts of them, that were lost, damaged or late so far.
+    #[must_use]
+    pub fn spoilt(&self) -> u32 {
+        lock(&self.bank).spoilt
     }
 
     /// Takes the power of all servos and gives it back.
@@ -298,8 +307,9 @@ fn carry_out(
 ) {
     let mut at = Instant::now();
     let later = {
-        let bank = lock(bank);
+        let mut bank = lock(bank);
         at += bank.time_of(length);
+        bank.spoilt += u32::from(bank.faults.late > Duration::ZERO);
         bank.faults.late
     };
     sleep(at.saturating_duration_since(Instant::now()));
@@ -331,12 +341,14 @@ impl Bank {
         self.heard = self.heard.wrapping_add(1);
         let is_nth = |one_in: u32| one_in > 0 && self.heard.is_multiple_of(one_in);
         if self.faults.silent || is_nth(self.faults.unheard_one_in) {
+            self.spoilt += 1;
             return None;
         }
         if is_nth(self.faults.garbled_one_in)
             && let Some(last) = packet.last_mut()
         {
             *last ^= 0x55;
+            self.spoilt += 1;
         }
         Instruction::of(&packet)
     }
@@ -349,12 +361,13 @@ impl Bank {
         let mut answer = self.servos[index].obey(instruction)?;
         self.sent = self.sent.wrapping_add(1);
         let is_nth = |one_in: u32| one_in > 0 && self.sent.is_multiple_of(one_in);
-        if is_nth(self.faults.damage_one_in)
-            && let Some(last) = answer.packet.last_mut()
-        {
+        let is_lost = is_nth(self.faults.drop_one_in);
+        let is_damaged = is_nth(self.faults.damage_one_in);
+        self.spoilt += u32::from(is_lost || is_damaged);
+        if is_damaged && let Some(last) = answer.packet.last_mut() {
             *last ^= 0x55;
         }
-        (!is_nth(self.faults.drop_one_in)).then_some(answer)
+        (!is_lost).then_some(answer)
     }
 }
 

@@ -6,6 +6,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use client::Client;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use shared_types::codes::Outcome;
@@ -34,7 +35,9 @@ const ASKING_SHARE: f64 = 0.5;
 /// Share of the kills that must meet their stage: a client may be quicker than usual.
 const MET_SHARE: f64 = 0.6;
 /// Candidates of the next request.
-const SERVED_CANDIDATES: usize = 2;
+const SERVED_CANDIDATES: usize = 10;
+/// Clients that the daemon has places for: the one that is killed, or the next one.
+const PLACES: i64 = 1;
 
 /// What a client is at when it is killed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -115,12 +118,16 @@ struct Seen {
 }
 
 fn kill(examples: &Examples, report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let mut stack = Stack::running(&Settings::default())?;
+    let mut stack = Stack::running(&Settings {
+        daemon: vec![("clients", PLACES.into())],
+        ..Settings::default()
+    })?;
+    stack.disconnect_client();
     let events = Events::open(&stack)?;
     let mut random = Pcg64::seed_from_u64(21);
     // Builds what is missing, and makes what is made once.
     examples.plan(&stack.world)?;
-    serve(&mut stack)?;
+    serve(&stack.world)?;
     let usual = Usual::measure(examples, &stack, &events)?;
     // Ports that stay are made with the first order; what the clients so far have left is removed.
     stack.controller.command(Command::Stop, PATIENCE)?;
@@ -143,7 +150,7 @@ fn kill(examples: &Examples, report: &mut Report, scale: Scale) -> anyhow::Resul
         let (kills, met) = seen.kills.entry(stage).or_default();
         *kills += 1;
         *met += usize::from(kill_at(stage, &mut client, &events)?);
-        let (is_served, took) = serve(&mut stack)?;
+        let (is_served, took) = serve(&stack.world)?;
         seen.served += usize::from(is_served);
         seen.served_ms.push(took.as_secs_f64() * 1e3);
         // What it has had begun is ended, so that the next one begins alike.
@@ -305,15 +312,19 @@ fn wait_for_stage(
     Ok(())
 }
 
-/// Plans for another client; whether that has given all candidates that were wanted, and how long it took.
-fn serve(stack: &mut Stack) -> anyhow::Result<(bool, Duration)> {
+/// Joins as the next client, as soon as there is a place, and plans; whether that has given all candidates that were wanted, and how long it
+/// took.
+fn serve(world: &World) -> anyhow::Result<(bool, Duration)> {
     let begun = Instant::now();
     let request = PlanRequest {
         candidate_count: SERVED_CANDIDATES,
         ..PlanRequest::new([0.0; 6], Goal::tip(TIP_M))
     };
-    let answer = stack.client.plan(&request, PATIENCE)?;
-    let took = begun.elapsed();
-    let is_whole = answer.candidates().len() == SERVED_CANDIDATES;
-    Ok((answer.report().outcome == Outcome::Ok && is_whole, took))
+    let is_whole = wait_for("a place and an answer", PATIENCE, || {
+        let mut client = Client::connect(&world.options).ok()?;
+        let answer = client.plan(&request, PATIENCE).ok()?;
+        let is_ok = answer.report().outcome == Outcome::Ok;
+        Some(is_ok && answer.candidates().len() == SERVED_CANDIDATES)
+    })?;
+    Ok((is_whole, begun.elapsed()))
 }

@@ -6,6 +6,7 @@ use std::time::Duration;
 use anyhow::{Context, ensure};
 use client::ScenePublisher;
 use shared_types::codes::LoopState;
+use shared_types::ipc::{IpcNode, newest, scene_service, subscriber};
 use shared_types::valid::{ControllerState, Goal, PlanRequest};
 use tests::process::{Process, TimedOut, wait_for};
 use tests::stack::{PATIENCE, Part, Stack};
@@ -176,9 +177,22 @@ impl Examples {
 
     fn publish_scene(&self, report: &mut Report) -> anyhow::Result<()> {
         let stack = Stack::running(&Settings::default())?;
-        let ball = ["3", "0", "1", "0.1", "0.1", "0", "0", "2"];
+        let ball = ["3", "0", "1", "0.1", "0.2", "0.05", "-0.1", "2"];
         (self.program)("plan")?;
+        let node = IpcNode::create(&stack.world.options, "scenes")?;
+        let scenes = subscriber(&node, &scene_service(&node)?)?;
         let mut publishing = self.start(&stack.world, "scene", &ball)?;
+        let heard = wait_for("a scene", LIMIT, || {
+            let scene = newest(&scenes)?;
+            let [x, y, z] = scene.balls[0].centre_m;
+            let [u, v, w] = scene.balls[0].velocity_m_s;
+            let ball = [x, y, z, scene.balls[0].radius_m, u, v, w];
+            Some((scene.ball_count, ball.map(|it| it.to_string())))
+        })?;
+        let (count, numbers) = heard;
+        let same = count == 1 && numbers.iter().eq(&ball[..7]);
+        let line = self.line("the ball of its scene: centre, radius, velocity");
+        report.check(&line, numbers.join(" "), &ball[..7].join(" "), same);
         // While its scenes count nothing hinders a motion.
         let planned = self.plan(&stack.world)?;
         self.is_reached(report, "a motion beside its ball", &planned);

@@ -12,8 +12,8 @@ tip = [float(axis) for axis in sys.argv[1:4]]
 client = pcc.Client()
 
 
-def plan(of=client):
-    answer = of.plan(tip, start=[0.0] * 6)
+def plan(of=client, to=tip):
+    answer = of.plan(to, start=[0.0] * 6)
     assert len(answer) > 0, answer.reason
     return answer
 
@@ -41,17 +41,29 @@ def paced(count, rate):
     return f"{planned} {views} {time.perf_counter() - begun:.3f}"
 
 
-def views():
+def view():
+    """Keeps the knots of an answer that is gone with its client, and a copy of them."""
+    global kept, copied
     other = pcc.Client()
-    view = plan(other)[0].knots
-    before = np.array(view)
+    kept = plan(other)[0].knots
+    copied = np.array(kept)
     del other
     gc.collect()
-    for _ in range(100):
-        plan()
-    return "the same numbers after 100 more plans" if np.array_equal(view, before) else "other numbers"
+    return f"a copy: {kept.flags.owndata}, writeable: {kept.flags.writeable}"
 
 
+def others(count):
+    """Plans so many to another tip."""
+    other_tip = [tip[0], -tip[1], tip[2]]
+    knots = [np.array(plan(to=other_tip)[0].knots) for _ in range(int(count))]
+    return f"{sum(not np.array_equal(copied, other) for other in knots)} plans with other knots"
+
+
+def same():
+    return "the same numbers" if np.array_equal(kept, copied) else "other numbers"
+
+
+commands = {"plans": plans, "paced": paced, "view": view, "others": others, "same": same}
 for line in sys.stdin:
     name, *arguments = line.split()
-    print({"plans": plans, "paced": paced, "views": views}[name](*arguments), flush=True)
+    print(commands[name](*arguments), flush=True)

@@ -191,10 +191,7 @@ fn median_ms(client: &mut Client, count: usize) -> anyhow::Result<f64> {
 fn views_and_memory(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let mut stack = daemon()?;
     let mut python = Plans::start(&stack.world)?;
-    let told = python.say("views")?;
-    let safe = told == "the same numbers after 100 more plans";
-    let line = "Python: a view whose answer and client are gone";
-    report.check(line, told, "the same numbers after 100 more plans", safe);
+    outlives_its_answer(report, &mut stack, &mut python)?;
     let lasts = Duration::from_secs(scale.pick(60, 3_600));
     let count = RATE * lasts.as_secs() as u32 / ROUNDS;
     // What is made once.
@@ -235,6 +232,34 @@ fn views_and_memory(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         let what = format!("growth of {whose}, kB, with {RATE} plans a second");
         report.at_most(&line(&what), kb, FLAT_KB as f64);
     }
+    Ok(())
+}
+
+/// A view of knots whose answer and client are gone, after other plans, and after the daemon was killed and another one has planned.
+fn outlives_its_answer(
+    report: &mut Report,
+    stack: &mut Stack,
+    python: &mut Plans,
+) -> anyhow::Result<()> {
+    let mut says = |line: &str, told: String, expected: &str| {
+        let passed = told == expected;
+        report.check(&format!("Python: {line}"), told, expected, passed);
+    };
+    let line = "a view of knots";
+    says(line, python.say("view")?, "a copy: False, writeable: False");
+    let others = "100 plans with other knots";
+    says("answers after it", python.say("others 100")?, others);
+    let line = "a view whose answer and client are gone, after 100 plans to another tip";
+    says(line, python.say("same")?, "the same numbers");
+    stack.kill9(Part::Daemon);
+    let line = "that view after the daemon was killed";
+    says(line, python.say("same")?, "the same numbers");
+    stack.start(Part::Daemon);
+    stack.client.wait_for_daemon(PATIENCE)?;
+    let line = "answers of another daemon";
+    says(line, python.say("others 100")?, others);
+    let line = "that view after another daemon has planned";
+    says(line, python.say("same")?, "the same numbers");
     Ok(())
 }
 

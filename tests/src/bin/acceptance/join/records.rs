@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::BufWriter;
+use std::mem::offset_of;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -10,9 +11,10 @@ use std::time::Duration;
 
 use anyhow::{Context, ensure};
 use client::GoalSender;
-use mcap::Writer;
 use mcap::read::MessageStream;
+use mcap::{Message, Writer};
 use shared_types::codes::GoalState;
+use shared_types::message::{Goal as WireGoal, PlanRecord, PlanReport, PlanRequest as WireRequest};
 use shared_types::valid::{Goal, PlanRequest};
 use tests::process::{Process, wait_for};
 use tests::programs::repository;
@@ -30,6 +32,8 @@ const KEPT_TIP_M: [f64; 3] = [1.0, -0.6, 2.2];
 const LIMIT: Duration = Duration::from_secs(600);
 /// Plans that are recorded before the recorder is killed.
 const KILLED: usize = 50;
+/// Byte of a number whose lowest bit is some tenths of it: only a plan for another goal reaches that.
+const TENTHS: usize = 6;
 /// Time in which a recorder has written what came before.
 const WRITTEN: Duration = Duration::from_millis(600);
 
@@ -46,6 +50,7 @@ fn records(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     record(report, &mut stack, &whole, requests)?;
     replayed(report, &stack, &whole, requests.parse()?)?;
     dropped(report, &stack, &whole)?;
+    changed(report, &stack, &whole)?;
     let killed = killed(report, &mut stack)?;
     // The motion's plan, and at least one to the goal that stays.
     let least = requests.parse::<usize>()? + 2;
@@ -197,6 +202,30 @@ fn dropped(report: &mut Report, stack: &Stack, whole: &Path) -> anyhow::Result<(
     Ok(())
 }
 
+/// A record one of whose plans was answered otherwise, or asked for otherwise, is told to differ.
+fn changed(report: &mut Report, stack: &Stack, whole: &Path) -> anyhow::Result<()> {
+    let changed = stack.world.folder().join("changed.mcap");
+    let of_report = offset_of!(PlanRecord, report) + offset_of!(PlanReport, plan_hash);
+    let of_request = offset_of!(PlanRecord, request)
+        + offset_of!(WireRequest, goals)
+        + offset_of!(WireGoal, tip_m)
+        + TENTHS;
+    for (what, byte) in [
+        ("answer's plan_hash", of_report),
+        ("request's goal", of_request),
+    ] {
+        with_one_changed(whole, &changed, byte)?;
+        let told = replay(stack, &changed, &[])?;
+        report.check(
+            &format!("records: a record with a bit of one {what} changed"),
+            last_line(&told.text),
+            "told to differ",
+            !told.succeeded,
+        );
+    }
+    Ok(())
+}
+
 /// The file of a recorder that is killed is replayed; its path.
 fn killed(report: &mut Report, stack: &mut Stack) -> anyhow::Result<PathBuf> {
     let killed = stack.world.folder().join("killed.mcap");
@@ -272,22 +301,41 @@ enum Place {
 /// A copy of a file without one message of a topic.
 fn without_one(from: &Path, to: &Path, topic: &str, place: Place) -> anyhow::Result<()> {
     let bytes = fs::read(from)?;
-    let messages: Result<Vec<_>, _> = MessageStream::new(&bytes)?.collect();
-    let messages = messages?;
+    let mut messages = messages(&bytes)?;
+    messages.remove(index_of(&messages, topic, place)?);
+    write(to, &messages)
+}
+
+/// A copy of a file with the lowest bit of this byte of its middle plan record changed.
+fn with_one_changed(from: &Path, to: &Path, byte: usize) -> anyhow::Result<()> {
+    let bytes = fs::read(from)?;
+    let mut messages = messages(&bytes)?;
+    let changed = index_of(&messages, "plan_record", Place::Middle)?;
+    messages[changed].data.to_mut()[byte] ^= 1;
+    write(to, &messages)
+}
+
+fn messages(bytes: &[u8]) -> anyhow::Result<Vec<Message<'_>>> {
+    Ok(MessageStream::new(bytes)?.collect::<Result<_, _>>()?)
+}
+
+fn index_of(messages: &[Message<'_>], topic: &str, place: Place) -> anyhow::Result<usize> {
     let of_topic: Vec<usize> = (0..messages.len())
         .filter(|&index| messages[index].channel.topic == topic)
         .collect();
-    let dropped = match place {
+    let index = match place {
         Place::First => of_topic.first(),
         Place::Middle => of_topic.get(of_topic.len() / 2),
         Place::Last => of_topic.last(),
     };
-    let dropped = *dropped.with_context(|| format!("no {topic} was recorded"))?;
+    let index = index.with_context(|| format!("no {topic} was recorded"))?;
+    Ok(*index)
+}
+
+fn write(to: &Path, messages: &[Message<'_>]) -> anyhow::Result<()> {
     let mut writer = Writer::new(BufWriter::new(File::create(to)?))?;
-    for (index, message) in messages.iter().enumerate() {
-        if index != dropped {
-            writer.write(message)?;
-        }
+    for message in messages {
+        writer.write(message)?;
     }
     writer.finish()?;
     Ok(())

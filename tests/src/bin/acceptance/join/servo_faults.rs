@@ -9,14 +9,14 @@ use shared_types::codes::LoopFault;
 use shared_types::valid::Goal;
 use tests::servo_bank::{Faults, SERVOS};
 use tests::servo_stack::{ServoStack, bank, home, start};
-use tests::stack::PATIENCE;
+use tests::stack::{PATIENCE, tip_error};
 use tests::world::{Settings, World};
 
 use super::examples::TIP_M;
 use crate::report::Report;
 
-/// When the fault comes after the motion was asked for: it is under way then.
-const UNDER_WAY: Duration = Duration::from_millis(600);
+/// Path time of the motion at which the fault comes, s.
+const UNDER_WAY_S: f64 = 0.3;
 /// How long is looked at what the motors do.
 const LOOKED_AT: Duration = Duration::from_secs(2);
 /// Lateness of replies that come in the next cycle, of 4 ms, while the driver waits for that one's.
@@ -168,8 +168,9 @@ impl Case {
     fn run(&self, report: &mut Report) -> anyhow::Result<()> {
         let mut all = ServoStack::driven()?;
         let id = all.stack.begin_motion(Goal::tip(TIP_M))?;
-        sleep(UNDER_WAY);
+        all.stack.wait_for_progress(id, UNDER_WAY_S)?;
         let said_before = all.driver.log().len();
+        let spoilt_before = all.bank.spoilt();
         all.bank.set(self.begin);
         let moved_m = moved(&all);
         let ended = all.stack.wait_for_end(id);
@@ -184,6 +185,14 @@ impl Case {
             },
         );
         self.judge_driver(report, &all.driver.log()[said_before..]);
+        if self.recovery == Recovery::Borne {
+            let spoilt = all.bank.spoilt() - spoilt_before;
+            let line = self.line("packets, or bursts of them, that were lost, damaged or late");
+            report.check(&line, spoilt.to_string(), "> 0", spoilt > 0);
+            let measured_rad = &state.values.measured_configuration_rad;
+            let error = tip_error(&all.stack.world.robot, measured_rad, &TIP_M);
+            report.at_most(&self.line("tip error as measured, m"), error, 0.03);
+        }
         self.judge_motors(report, &all, &moved_m);
         ensure!(
             !self.faults.is_empty() || ended.is_ok(),
