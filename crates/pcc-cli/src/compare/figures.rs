@@ -48,13 +48,16 @@ pub(super) struct Paired {
     pub(super) tip_shorter: Interval,
     pub(super) tip_smoother: Interval,
     pub(super) faster: Interval,
+    /// The share in which both tip length and smoothness are less.
+    pub(super) tip_shorter_and_smoother: Interval,
     /// The share in which it is more.
     pub(super) tip_longer: Interval,
     pub(super) tip_rougher: Interval,
     pub(super) slower: Interval,
     /// Mean over those cases of the median tip length ÷ the other's.
     pub(super) tip_length_ratio: Interval,
-    /// The largest of those ratios; none where there is none.
+    /// The smallest and the largest of those ratios; none where there is none.
+    pub(super) shortest_tip: Option<f64>,
     pub(super) longest_tip: Option<f64>,
     /// Cases in which both have certified motions.
     pub(super) both: usize,
@@ -143,12 +146,22 @@ impl Paired {
             tip_shorter: share(tip_length, f64::lt),
             tip_smoother: share(tip_smoothness, f64::lt),
             faster: share(duration_s, f64::lt),
+            tip_shorter_and_smoother: interval(&both, move |pairs| {
+                let is_less = |pair: &_, figure| {
+                    medians(pair, figure).is_some_and(|[own, other]| own < other)
+                };
+                let are_both = pairs
+                    .iter()
+                    .map(|pair| is_less(pair, tip_length) && is_less(pair, tip_smoothness));
+                mean(are_both.map(|are_both| f64::from(u8::from(are_both))))
+            }),
             tip_longer: share(tip_length, f64::gt),
             tip_rougher: share(tip_smoothness, f64::gt),
             slower: share(duration_s, f64::gt),
             tip_length_ratio: interval(&both, |pairs| {
                 mean(pairs.iter().filter_map(|pair| tip_ratio(pair)))
             }),
+            shortest_tip: both.iter().filter_map(tip_ratio).min_by(f64::total_cmp),
             longest_tip: both.iter().filter_map(tip_ratio).max_by(f64::total_cmp),
             both: both.len(),
         }

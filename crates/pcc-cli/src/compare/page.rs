@@ -296,7 +296,7 @@ fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
     let ratio = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |it| format!("{it:.3}"));
     format!(
         "<li><code>{against}</code> and <code>{}</code>: certified {} points, success {} points; of {} cases that both solve, its median motion has \
-         the shorter tip in {}, the smoother tip in {}, and is the faster in {}; the other's tip length ÷ its own is {} in the mean, {} at most. {}.</li>",
+         the shorter tip in {}, the smoother tip in {}, and is the faster in {}; the other's tip length ÷ its own is {} in the mean, {} to {}. {}.</li>",
         other.planner,
         points(&paired.certified_ahead),
         points(&paired.success_ahead),
@@ -305,6 +305,7 @@ fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
         shares(&paired.tip_rougher, &paired.tip_smoother),
         shares(&paired.slower, &paired.faster),
         ratio(paired.tip_length_ratio.value),
+        ratio(paired.shortest_tip),
         ratio(paired.longest_tip),
         verdict(paired)
     )
@@ -381,6 +382,8 @@ mod tests {
             tip_rougher: of(0.7, 0.9),
             slower: of(0.4, 0.6),
             tip_length_ratio: of(0.9, 1.1),
+            tip_shorter_and_smoother: of(0.1, 0.2),
+            shortest_tip: Some(0.8),
             longest_tip: Some(1.2),
             both: 20,
         };

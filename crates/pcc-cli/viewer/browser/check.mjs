@@ -6,8 +6,8 @@ import { operateAll } from "./view_controls.mjs";
 
 // Time from the navigation to the first picture, ms.
 const LOADED_MS = 2000;
-// Length of the page of a record, s: a recorder's first and last messages lie within its minute.
-const RECORDED_S = 59;
+// Length of the page of a record, s: a recorder's first and last messages lie within what it recorded.
+const RECORDED_S = 60;
 
 async function checkView({ page, size }, title, folder, name) {
   await page.waitForSelector("body[data-ready]", { timeout: 60000 });

@@ -110,7 +110,7 @@ await step("live: a connection that ends", () => checkConnection(browser), PATIE
 for (const it of opened) await step(`live, ${it.size}: its checks`, () => checkPage(it));
 const away = await fetch(new URL("/", address));
 tell("live: the answer to who does not know the address", away.status, "404", away.status === 404);
-tell("live: errors and warnings on the console", opened.flatMap((it) => it.errors).join("; ") || "none", "no line", opened.every((it) => it.errors.length === 0));
 console.log("watching");
 await step("live: controller and daemon go and come back", () => checkAway(opened));
+tell("live: errors and warnings on the console", opened.flatMap((it) => it.errors).join("; ") || "none", "no line", opened.every((it) => it.errors.length === 0));
 await browser.close();

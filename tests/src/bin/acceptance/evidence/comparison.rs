@@ -96,6 +96,7 @@ fn show(report: &mut Report, scale: Scale, set: &Value) -> anyhow::Result<()> {
             "seconds_a_success" => has_successes,
             _ => has_motions,
         };
+        let is_broken = scale.full && !(has_motions && has_successes);
         let complete = FIGURES.iter().zip(&texts);
         let complete = complete.filter(|((key, ..), text)| !is_needed(key) || !text.contains('–'));
         let [success, certified, ms, tip, smoothness, duration, modes] = &texts;
@@ -105,8 +106,8 @@ fn show(report: &mut Report, scale: Scale, set: &Value) -> anyhow::Result<()> {
                 "success {success} %, certified {certified} %, {ms} ms a success, tip length ÷ distance {tip}, smoothness {smoothness}, {duration} s, \
                  {modes} modes"
             ),
-            "each with its interval",
-            complete.count() == FIGURES.len(),
+            "each with its interval, none without success or certified motions in the full form",
+            complete.count() == FIGURES.len() && !is_broken,
         );
     }
     Ok(())
@@ -156,9 +157,9 @@ fn says_who_is_ahead(report: &mut Report, scale: Scale, compared: &Value) -> any
 /// Whether a sentence names in its parts what the intervals show.
 fn is_told(sentence: &str, paired: &Value) -> bool {
     let end = |key: &str, end: &str| paired.pointer(&format!("/{key}/{end}"))?.as_f64();
-    let (_, parts) = sentence.split_once("Ahead</b>").unwrap_or_default();
-    let (ahead, parts) = parts.split_once("behind</b>").unwrap_or_default();
-    let (behind, _) = parts.split_once("no difference").unwrap_or_default();
+    let Some([ahead, behind, open]) = parts_of(sentence) else {
+        return false;
+    };
     // These are the other's less fast's.
     let of_differences = [
         ("certified share", "certified_ahead"),
@@ -183,8 +184,19 @@ fn is_told(sentence: &str, paired: &Value) -> bool {
         .into_iter()
         .chain(of_shares)
         .all(|(name, is_ahead, is_behind)| {
-            ahead.contains(name) == is_ahead && behind.contains(name) == is_behind
+            let is_open = !is_ahead && !is_behind;
+            [(ahead, is_ahead), (behind, is_behind), (open, is_open)]
+                .iter()
+                .all(|(part, is_there)| part.contains(name) == *is_there)
         })
+}
+
+/// What a sentence says fast is ahead in, behind in, and not shown to differ in.
+fn parts_of(sentence: &str) -> Option<[&str; 3]> {
+    let (_, parts) = sentence.split_once("Ahead</b>")?;
+    let (ahead, parts) = parts.split_once("behind</b>")?;
+    let (behind, open) = parts.split_once("no difference")?;
+    Some([ahead, behind, open])
 }
 
 /// The learned sampler beside a planner that has everything but the network, case by case.
@@ -217,6 +229,11 @@ fn fast_beside(report: &mut Report, rival: &str, set: &Value) -> anyhow::Result<
     share(
         &format!("tip smoother, of the {both} of {cases} cases that both solve"),
         smoother,
+        is_hard && is_drawn,
+    );
+    share(
+        &format!("tip shorter and smoother, of the {both} of {cases} cases that both solve"),
+        percent("tip_shorter_and_smoother")?,
         is_hard && is_drawn,
     );
     if !is_drawn {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use serde_json::Value;
 use tests::programs::repository;
 
@@ -16,6 +16,8 @@ use crate::scale::Scale;
 const PAPER: f64 = 91.11;
 /// Success among four balls, %.
 const FOUR_BALLS: f64 = 80.0;
+/// Numbers of balls of mixed cases.
+const BALL_COUNTS: [&str; 4] = ["0", "1", "2", "4"];
 /// Rows of the paper's updates.
 const ROWS_OF_AN_UPDATE: u64 = 64;
 /// Success against updates, as the page draws it.
@@ -73,17 +75,24 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
 fn curve(report: &mut Report, model: &Model) -> anyhow::Result<()> {
     let text = fs::read_to_string(repository().join(CURVE))?;
     let rows = text.lines().filter(|line| !line.starts_with(['#', 'u']));
-    let updates = rows.map(|row| row.split(',').next().unwrap_or_default().parse());
-    let updates: Vec<u64> = updates.collect::<Result<_, _>>()?;
-    let last = updates.last().copied().unwrap_or_default();
+    let point = |row: &str| -> anyhow::Result<(u64, f64)> {
+        let mut numbers = row.split(',');
+        let mut next = || numbers.next().context("a point of the curve is cut short");
+        Ok((next()?.parse()?, next()?.parse()?))
+    };
+    let points: Vec<(u64, f64)> = rows.map(point).collect::<Result<_, _>>()?;
+    let last = points.last().map_or(0, |last| last.0);
+    let rises = points.is_sorted_by(|a, b| a.0 < b.0);
+    let is_percent = |success: f64| success > 0.0 && success <= 100.0;
+    let are_percent = points.iter().all(|(_, success)| is_percent(*success));
     report.check(
-        &format!("the curve against updates, {} points", updates.len()),
+        &format!("the curve of success against updates, {} points", points.len()),
         format!(
             "to {last} updates; the committed weights have {}",
             model.updates
         ),
-        ">= 200000, the committed weights'",
-        last >= 200_000 && last == model.updates,
+        ">= 200000, the committed weights', in order, 5 points at least",
+        last >= 200_000 && last == model.updates && rises && are_percent && points.len() >= 5,
     );
     Ok(())
 }
@@ -106,6 +115,8 @@ fn succeed(
     let intervals = result.pointer("/sampled/success_by_balls_interval");
     let intervals = intervals.and_then(Value::as_object);
     let intervals = intervals.context("result.json has no intervals")?;
+    let counts: Vec<&str> = intervals.keys().map(String::as_str).collect();
+    ensure!(counts == BALL_COUNTS, "cases of {counts:?} balls");
     let mut texts = Vec::new();
     for (balls, interval) in intervals {
         let [share, low, high] = ["/value", "/low", "/high"].map(|end| number(interval, end));
