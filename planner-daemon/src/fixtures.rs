@@ -69,7 +69,7 @@ pub(crate) fn task() -> PlanTask {
         via: Vec::new(),
         ahead: Vec::new(),
         appends: false,
-        moves_end: false,
+        moves_end_of: None,
         deadline: Duration::from_millis(20),
         tip_tolerance: 0.01,
         selection: valid::SelectionRule::Best(Selection::ShortestTime),

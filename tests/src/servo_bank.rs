@@ -307,9 +307,8 @@ fn carry_out(
 ) {
     let mut at = Instant::now();
     let later = {
-        let mut bank = lock(bank);
+        let bank = lock(bank);
         at += bank.time_of(length);
-        bank.spoilt += u32::from(bank.faults.late > Duration::ZERO);
         bank.faults.late
     };
     sleep(at.saturating_duration_since(Instant::now()));
@@ -322,6 +321,7 @@ fn carry_out(
         }
     }
     if later > Duration::ZERO {
+        lock(bank).spoilt += u32::from(!burst.is_empty());
         late.push_back((at + later, burst));
         return;
     }

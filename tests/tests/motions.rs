@@ -162,11 +162,12 @@ fn a_plan_that_begins_elsewhere_is_made_while_another_waits_for_the_robot() {
     };
     let begins_late = PlanRequest {
         execute: true,
-        begin_mono_ns: Some(mono_now_ns() + 1_000_000_000),
+        begin_mono_ns: Some(mono_now_ns() + 3_000_000_000),
         ..from_robot.clone()
     };
     let answer = stack.client.plan(&begins_late, PATIENCE).unwrap();
-    let id = answer.report().trajectory_id.unwrap();
+    let report = answer.report();
+    assert!(report.trajectory_id.is_some(), "{}", report.reason);
     let elsewhere = PlanRequest {
         deadline: Some(NO_DEADLINE),
         ..PlanRequest::new([0.3; 6], Goal::Configuration([0.2; 6]))
@@ -179,5 +180,4 @@ fn a_plan_that_begins_elsewhere_is_made_while_another_waits_for_the_robot() {
     assert!(answer.is_none(), "the robot is about to begin");
     let refused = stack.client.wait(waits, PATIENCE).unwrap();
     assert_eq!(refused.report().outcome, Outcome::RobotNotReady);
-    stack.wait_for_end(id).unwrap();
 }

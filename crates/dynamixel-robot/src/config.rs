@@ -65,7 +65,7 @@ pub struct DynamixelConfig {
     pub(crate) slack: u16,
     /// The servos' own watchdog, in its units; 0: none.
     pub(crate) bus_watchdog: u8,
-    /// Time without an answer after which a servo counts as silent.
+    /// Time of the driver's cycles without an answer after which a servo counts as silent.
     pub(crate) silent_after: Duration,
     /// Time by which a servo is behind a goal that moves, s: goals are sent so much ahead.
     pub(crate) lag_s: f64,

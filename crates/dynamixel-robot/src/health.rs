@@ -7,10 +7,10 @@ use shared_types::codes::MotorFault;
 /// Time for which a tendon may be slack: a motion that gives way fast is no loss of tension.
 const SLACK_FOR: Duration = Duration::from_millis(200);
 
-/// The servos' answers so far, by the time for which the driver has looked at them.
+/// The servos' answers so far, by the time of the driver's cycles.
 pub(crate) struct Health {
     silent_after: Duration,
-    /// Most that a cycle counts for: a driver that was held up has heard nobody.
+    /// Most that a cycle counts for: a driver that was held up could hear nobody.
     longest_cycle: Duration,
     /// When the cycle began, and the time that counts until then.
     cycle_began: Instant,
@@ -49,9 +49,12 @@ impl Health {
         }
     }
 
-    pub(crate) fn begin_cycle(&mut self, now: Instant) {
-        self.looked_for += (now - self.cycle_began).min(self.longest_cycle);
+    /// Begins a cycle; returns whether the driver was held up for so long before that any servo may have lost its power meanwhile.
+    pub(crate) fn begin_cycle(&mut self, now: Instant) -> bool {
+        let elapsed = now - self.cycle_began;
+        self.looked_for += elapsed.min(self.longest_cycle);
         self.cycle_began = now;
+        elapsed > self.silent_after
     }
 
     /// A servo has answered; returns whether it was silent before.
@@ -67,6 +70,10 @@ impl Health {
 
     pub(crate) fn lose_line(&mut self) {
         self.line_is_lost = true;
+    }
+
+    pub(crate) fn line_is_lost(&self) -> bool {
+        self.line_is_lost
     }
 
     /// A servo heard nothing for longer than its watchdog bears.
@@ -156,11 +163,11 @@ mod tests {
         let mut health = Health::new(1, 20 * MS, 8 * MS, now);
         for _ in 0..2 {
             now += 500 * MS;
-            health.begin_cycle(now);
+            assert!(health.begin_cycle(now));
             assert_eq!(health.fault(), (MotorFault::None, None));
         }
-        now += 500 * MS;
-        health.begin_cycle(now);
+        now += 8 * MS;
+        assert!(!health.begin_cycle(now));
         assert_eq!(health.fault(), (MotorFault::Bus, None), "three cycles");
     }
 }

@@ -92,8 +92,6 @@ struct Process {
     /// Tendons that are read in a cycle, a part of them after the other.
     turns: Vec<Vec<usize>>,
     cycle: usize,
-    /// Servos that were asked last and have not answered yet.
-    asked: usize,
     goals: Vec<i32>,
     measured_m: TendonVector,
     /// Time without a packet after which the servos stop and take no goal any more; none: never.
@@ -137,17 +135,16 @@ pub fn run(
         position_m: measured_m,
         velocity_m_s: [0.0; TENDONS],
     };
+    let rounds = turns.len() as u32;
+    let longest_cycle = Duration::from_nanos(longest_cycle_ns(config.period).unsigned_abs());
+    // Three rounds without an answer, and one in which the driver was held up in every cycle.
     let silent_after = config
         .silent_after
-        .max(3 * turns.len() as u32 * config.period);
+        .max(3 * rounds * config.period)
+        .max((rounds + 1) * longest_cycle);
     let process = Process {
         driver: connection.drive_from(&state),
-        health: Health::new(
-            bus.count(),
-            silent_after,
-            Duration::from_nanos(longest_cycle_ns(config.period).unsigned_abs()),
-            Instant::now(),
-        ),
+        health: Health::new(bus.count(), silent_after, longest_cycle, Instant::now()),
         told: (MotorFault::None, false),
         mark: home.mark,
         marks_due: [false; TENDONS],
@@ -156,7 +153,6 @@ pub fn run(
         answers_by,
         turns,
         cycle: 0,
-        asked: 0,
         goals,
         measured_m,
         watchdog: Some(u32::from(config.bus_watchdog) * WATCHDOG_MS)
@@ -267,7 +263,9 @@ impl Process {
     fn step(&mut self) {
         let targets = self.driver.next_targets();
         let begun = Instant::now();
-        self.health.begin_cycle(begun);
+        if self.health.begin_cycle(begun) {
+            self.marks_due = [true; TENDONS];
+        }
         let ahead = |k: usize| targets.position_m[k] + self.lag_s * targets.velocity_m_s[k];
         let goals_m = std::array::from_fn(ahead);
         self.spools.positions(&goals_m, &mut self.goals);
@@ -281,8 +279,10 @@ impl Process {
 
     /// Writes the goals and reads the servos whose turn it is.
     fn talk(&mut self, deadline: Instant) -> Result<(), BusError> {
-        // What came too late for the last cycle: the next packet throws away what was not read.
-        self.listen(Instant::now());
+        if !self.health.line_is_lost() {
+            // What came too late for the last cycle: the next packet throws away what was not read.
+            self.listen(self.bus.count(), Instant::now());
+        }
         let tendons = &self.turns[self.cycle % self.turns.len()];
         self.cycle += 1;
         if (self.watchdog).is_some_and(|watchdog| self.sent.elapsed() > watchdog) {
@@ -291,26 +291,23 @@ impl Process {
         self.bus.send_goals(&self.goals)?;
         self.bus.ask_for_states(tendons)?;
         self.sent = Instant::now();
-        self.asked = tendons.len();
-        self.listen(deadline);
+        let count = tendons.len();
+        self.listen(count, deadline);
         self.look_at_marks();
         Ok(())
     }
 
-    /// Takes the answers of the servos that were asked last and have not answered yet.
-    fn listen(&mut self, deadline: Instant) {
+    /// Takes so many answers at most until a deadline.
+    fn listen(&mut self, count: usize, deadline: Instant) {
         let Self {
             bus,
             spools,
             health,
             measured_m,
             marks_due,
-            asked,
             ..
         } = self;
-        let count = *asked;
         bus.receive_states(count, deadline, |tendon, state: ServoState| {
-            *asked -= 1;
             measured_m[tendon] = spools.length_m(tendon, state.position);
             let is_slack = state.current.unsigned_abs() < self.slack;
             marks_due[tendon] |= health.hear(tendon, state.is_in_error, is_slack);

@@ -181,7 +181,7 @@ impl Reference {
             Err(refusal) => {
                 self.refused = self.refused.wrapping_add(1);
                 if self.mode == Mode::Following {
-                    let is_held_up = now_ns - self.stepped_ns > self.limits.lost_after_ns;
+                    let is_held_up = now_ns - self.anchor.stamp_mono_ns > self.longest_step_ns();
                     let is_too_far =
                         matches!(refusal, Refusal::PositionStep | Refusal::VelocityStep);
                     self.begin_ramp(match is_held_up && is_too_far {

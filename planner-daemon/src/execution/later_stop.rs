@@ -1,6 +1,7 @@
 //! Whether a motion that is not certified to its end may go on for another round: while a later stop is certified, too, another plan can be
 //! joined in time.
 
+use shared_types::clock::seconds;
 use trajectory::{Knot, Playback, RateLaw, Trajectory};
 
 use super::rules::{ExecutionRules, ORDER_DELAY_S};
@@ -81,6 +82,7 @@ impl Surroundings<'_> {
         progress: Progress,
         until_order_s: f64,
     ) -> bool {
+        let until_order_s = seconds(self.now_mono_ns - progress.mono_ns) + until_order_s;
         let place_s = stop_place_s(
             &motion.motion,
             progress,
@@ -101,7 +103,8 @@ fn until(motion: &Trajectory, until_s: f64) -> Option<Trajectory> {
     Trajectory::new(first.to_vec()).ok()
 }
 
-/// Path time, s, at which a motion stands after a stop that is ordered so many seconds from now, if it keeps its rate until then.
+/// Path time, s, at which a motion stands after a stop that is ordered so many seconds after its state was told, if it keeps its rate until
+/// then.
 fn stop_place_s(
     motion: &Trajectory,
     progress: Progress,
@@ -109,7 +112,7 @@ fn stop_place_s(
     rate_law: &RateLaw,
 ) -> f64 {
     let Progress { mut rate, .. } = progress;
-    let mut time = progress.passed_s() + (until_order_s + ORDER_DELAY_S) * rate;
+    let mut time = (progress.time_s + (until_order_s + ORDER_DELAY_S) * rate).max(0.0);
     let mut hint = 0;
     while rate > 0.0 && time < motion.duration() {
         let playback = Playback {

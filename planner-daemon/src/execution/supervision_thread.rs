@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use collision::SceneError;
 use planning::Problem;
-use shared_types::clock::mono_now_ns;
+use shared_types::clock::{mono_now_ns, suspended_ns};
 use shared_types::ipc::{IpcNode, IpcOptions, JoinOnDrop, spawn_with_ports};
 
 use super::heartbeat::BackgroundError;
@@ -70,7 +70,7 @@ impl Execution {
         let node = IpcNode::create(options, "planner-daemon supervision")?;
         let (to_supervision, requests) = sync_channel(1);
         let supervision_rounds = Arc::clone(supervision_rounds);
-        let memory = SceneMemory::open(options)?;
+        let memory = SceneMemory::open(options, suspended_ns())?;
         let told = Told::default();
         let (shared, own_rules) = (told.clone(), rules.clone());
         let rounds = supervision_rounds;

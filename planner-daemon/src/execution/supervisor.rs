@@ -401,7 +401,8 @@ pub(super) fn robot_motion(
         (state_now, _) => RobotMotion::Busy {
             state: state_now,
             fault: state.fault,
-            passes: own.is_some(),
+            // A controller that starts holds at once where a robot is there, and its first words take some ms.
+            passes: own.is_some() || state_now == LoopState::Starting,
             stopped_for: own.and_then(SupervisedMotion::stop_reason),
         },
     }
@@ -426,6 +427,21 @@ mod tests {
         assert!(!is_withdrawn(8, 7));
         assert!(is_withdrawn(u32::MAX, 3), "ids begin again");
         assert!(!is_withdrawn(3, u32::MAX));
+    }
+
+    #[test]
+    fn a_controller_that_starts_is_waited_for_and_one_in_fault_is_not() {
+        let passes = |state: LoopState| {
+            let state = controller_state(|values| values.state = state.code());
+            match robot_motion(&state, None, false) {
+                RobotMotion::Busy { passes, .. } => Some(passes),
+                _ => None,
+            }
+        };
+        assert_eq!(passes(LoopState::Starting), Some(true));
+        assert_eq!(passes(LoopState::Fault), Some(false));
+        assert_eq!(passes(LoopState::Stopping), Some(false));
+        assert_eq!(passes(LoopState::Holding), None);
     }
 
     #[test]

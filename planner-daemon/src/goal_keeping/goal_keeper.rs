@@ -243,15 +243,13 @@ impl GoalKeeper {
         }
     }
 
-    /// Whether the goal is a target that moves, and the robot on its way to it within the limits that are wanted now.
-    pub(crate) fn follows_target(&self) -> bool {
-        self.kept.as_ref().is_some_and(|kept| {
-            let newest = &kept.newest;
-            let heading = kept.headings.last();
-            let has_its_limits =
-                heading.is_some_and(|it| it.target.limits_scale == newest.limits_scale);
-            newest.tip_velocity_m_s != [0.0; 3] && has_its_limits
-        })
+    /// The motion to a target that moves, whose end may be moved to it: the newest one, where it keeps the limits that are wanted now.
+    pub(crate) fn motion_to_target(&self) -> Option<u32> {
+        let kept = self.kept.as_ref()?;
+        let (newest, heading) = (&kept.newest, kept.headings.last()?);
+        let may_move = newest.tip_velocity_m_s != [0.0; 3]
+            && heading.target.limits_scale == newest.limits_scale;
+        may_move.then_some(heading.motion.trajectory_id)
     }
 
     /// Whether the goal is elsewhere than where it was when the last plan was made.

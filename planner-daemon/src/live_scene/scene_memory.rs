@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use realtime::{MappedFile, is_in_ram};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
-use shared_types::clock::{Suspension, mono_now_ns, suspended_ns};
+use shared_types::clock::{Suspension, mono_now_ns};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::{MovingBall, SceneMessage};
 use shared_types::valid::{self, SourceName};
@@ -86,30 +86,30 @@ impl SceneMemory {
     ///
     /// # Errors
     /// [`SceneMemoryError`]: the system's refusal.
-    pub(crate) fn open(options: &IpcOptions) -> Result<Self, SceneMemoryError> {
+    pub(crate) fn open(options: &IpcOptions, suspended_ns: i64) -> Result<Self, SceneMemoryError> {
         let path = options
             .root
             .join(format!("{}.daemon.scenes", options.prefix));
         if !is_in_ram(&options.root).unwrap_or(false) {
-            match Self::in_shared_memory(options) {
+            match Self::in_shared_memory(options, suspended_ns) {
                 Ok(memory) => return Ok(memory),
                 Err(error) => tracing::warn!(
                     "the live scene is kept for the next daemon in {path:?}, where a disk can delay orders to stop: {SHARED_MEMORY} cannot be used: {error}"
                 ),
             }
         }
-        Self::map(&path).map_err(|source| SceneMemoryError { path, source })
+        Self::map(&path, suspended_ns).map_err(|source| SceneMemoryError { path, source })
     }
 
     /// The memory in a file of this root directory's own in [`SHARED_MEMORY`].
-    fn in_shared_memory(options: &IpcOptions) -> io::Result<Self> {
+    fn in_shared_memory(options: &IpcOptions, suspended_ns: i64) -> io::Result<Self> {
         let root = fs::metadata(&options.root)?;
         let (prefix, device, inode) = (&options.prefix, root.dev(), root.ino());
         let name = format!("{prefix}.{device:x}-{inode:x}.daemon.scenes");
-        Self::map(&Path::new(SHARED_MEMORY).join(name))
+        Self::map(&Path::new(SHARED_MEMORY).join(name), suspended_ns)
     }
 
-    fn map(path: &Path) -> io::Result<Self> {
+    fn map(path: &Path, suspended_ns: i64) -> io::Result<Self> {
         let words = HEADER_WORDS + MAX_SOURCES * SLOT_WORDS;
         let memory = Self {
             memory: MappedFile::open(path, words)?,
@@ -117,14 +117,21 @@ impl SceneMemory {
         };
         let head = &memory.memory.words()[..HEADER_WORDS];
         let [low, high] = halves(boot_id()?);
-        let own = [FORMAT_ID, low, high];
-        if !head[..SUSPENDED].iter().map(load).eq(own) {
+        let own = [FORMAT_ID, low, high, 0, 0];
+        if !head[..SUSPENDED]
+            .iter()
+            .map(load)
+            .eq(own[..SUSPENDED].iter().copied())
+        {
             for index in 0..MAX_SOURCES {
                 memory.slot(index).set_state(FREE);
             }
-            store(head, own.into_iter().chain([0, 0]));
+            // The first words last: a daemon that is killed before has written nothing that counts.
+            for (word, value) in head.iter().zip(own).rev() {
+                word.store(value, Ordering::Release);
+            }
         }
-        memory.notice_suspension(suspended_ns(), mono_now_ns());
+        memory.notice_suspension(suspended_ns, mono_now_ns());
         Ok(memory)
     }
 
@@ -136,8 +143,10 @@ impl SceneMemory {
             for index in 0..MAX_SOURCES {
                 self.slot(index).forget_scene();
             }
-            let words = [suspended_ns, now_mono_ns].map(i64::cast_unsigned);
-            store(&self.memory.words()[SUSPENDED..], words);
+            // In this order: a daemon that is killed between the two leaves news to the next one.
+            let words = self.memory.words();
+            words[RESUMED].store(now_mono_ns.cast_unsigned(), Ordering::Release);
+            words[SUSPENDED].store(suspended_ns.cast_unsigned(), Ordering::Release);
         }
         is_longer
     }
@@ -356,7 +365,7 @@ mod tests {
     fn the_next_daemon_knows_the_sources_that_were_kept_last() {
         let folder = tempfile::tempdir_in(SHARED_MEMORY).unwrap();
         let options = options(&folder);
-        let mut memory = SceneMemory::open(&options).unwrap();
+        let mut memory = SceneMemory::open(&options, 0).unwrap();
         assert_eq!(memory.recall(), []);
         let all: Vec<RetainedSource> = (0..MAX_SOURCES)
             .map(|index| {
@@ -368,24 +377,24 @@ mod tests {
             })
             .collect();
         keep(&mut memory, &all, 1);
-        let mut memory = SceneMemory::open(&options).unwrap();
+        let mut memory = SceneMemory::open(&options, 0).unwrap();
         assert_eq!(memory.recall(), all);
         let fewer = [
             source("camera 3", u128::MAX - 3, 2),
             source("new", 5, MAX_SCENE_BALLS),
         ];
         keep(&mut memory, &fewer, 2);
-        let mut recalled = SceneMemory::open(&options).unwrap().recall();
+        let mut recalled = SceneMemory::open(&options, 0).unwrap().recall();
         recalled.sort_by_key(|(record, _)| record.publisher != u128::MAX - 3);
         assert_eq!(recalled, fewer);
         keep(&mut memory, &[], 3);
-        assert_eq!(SceneMemory::open(&options).unwrap().recall(), []);
+        assert_eq!(SceneMemory::open(&options, 0).unwrap().recall(), []);
     }
 
     #[test]
     fn a_scene_that_was_half_kept_is_a_source_whose_obstacles_are_unknown() {
         let folder = tempfile::tempdir_in(SHARED_MEMORY).unwrap();
-        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        let mut memory = SceneMemory::open(&options(&folder), 0).unwrap();
         keep(&mut memory, &[source("camera", 7, 3)], 1);
         let spoil: [fn(&Slot<'_>); 3] = [
             |slot| slot.set_state(UNKNOWN),
@@ -394,7 +403,7 @@ mod tests {
         ];
         for spoil in spoil {
             spoil(&memory.slot(0));
-            let recalled = SceneMemory::open(&options(&folder)).unwrap().recall();
+            let recalled = SceneMemory::open(&options(&folder), 0).unwrap().recall();
             let [(record, scene)] = &recalled[..] else {
                 panic!("{recalled:?}");
             };
@@ -407,24 +416,24 @@ mod tests {
     #[test]
     fn what_was_kept_before_the_machine_was_suspended_is_unknown() {
         let folder = tempfile::tempdir_in(SHARED_MEMORY).unwrap();
-        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        let mut memory = SceneMemory::open(&options(&folder), 0).unwrap();
         keep(&mut memory, &[source("camera", 7, 3)], 1);
-        assert!(!memory.notice_suspension(suspended_ns() + 99_000_000, 5));
-        let known = |folder| SceneMemory::open(&options(folder)).unwrap().recall();
+        assert!(!memory.notice_suspension(99_000_000, 5));
+        let known = |folder| SceneMemory::open(&options(folder), 0).unwrap().recall();
         assert_eq!(known(&folder), [source("camera", 7, 3)]);
-        assert!(memory.notice_suspension(suspended_ns() + 1_000_000_000, 7));
+        assert!(memory.notice_suspension(1_000_000_000, 7));
         let [(record, scene)] = &known(&folder)[..] else {
             panic!("the source is known");
         };
         assert_eq!((record.publisher, scene), (7, &None));
-        let next = SceneMemory::open(&options(&folder)).unwrap();
+        let next = SceneMemory::open(&options(&folder), 0).unwrap();
         assert_eq!(next.resumed_mono_ns(), 7);
     }
 
     #[test]
     fn two_root_directories_have_two_memories_in_shared_memory() {
         let folders = [(); 2].map(|()| tempfile::tempdir_in(SHARED_MEMORY).unwrap());
-        let open = |folder| SceneMemory::in_shared_memory(&options(folder)).unwrap();
+        let open = |folder| SceneMemory::in_shared_memory(&options(folder), 0).unwrap();
         keep(&mut open(&folders[0]), &[source("camera", 7, 3)], 1);
         assert_eq!(open(&folders[0]).recall(), [source("camera", 7, 3)]);
         assert_eq!(open(&folders[1]).recall(), []);
@@ -442,27 +451,26 @@ mod tests {
     #[test]
     fn a_place_without_a_readable_name_is_free() {
         let folder = tempfile::tempdir_in(SHARED_MEMORY).unwrap();
-        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        let mut memory = SceneMemory::open(&options(&folder), 0).unwrap();
         keep(&mut memory, &[source("camera", 7, 3)], 1);
         memory.slot(0).0[NAME.start].store(u64::MAX, Ordering::Release);
-        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        let mut memory = SceneMemory::open(&options(&folder), 0).unwrap();
         assert_eq!(memory.recall(), []);
         let other = [source("another", 8, 1)];
         keep(&mut memory, &other, 2);
-        let recalled = SceneMemory::open(&options(&folder)).unwrap().recall();
+        let recalled = SceneMemory::open(&options(&folder), 0).unwrap().recall();
         assert_eq!(recalled, other);
     }
 
     #[test]
     fn what_was_kept_before_the_machine_was_started_is_forgotten() {
         let folder = tempfile::tempdir_in(SHARED_MEMORY).unwrap();
-        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        let mut memory = SceneMemory::open(&options(&folder), 0).unwrap();
         keep(&mut memory, &[source("camera", 7, 3)], 1);
         memory.memory.words()[1].fetch_add(1, Ordering::Release);
         memory.memory.words()[SUSPENDED].store(u64::MAX >> 1, Ordering::Release);
-        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        let mut memory = SceneMemory::open(&options(&folder), 0).unwrap();
         assert_eq!(memory.recall(), []);
-        let suspended_ns = suspended_ns() + 1_000_000_000;
-        assert!(memory.notice_suspension(suspended_ns, mono_now_ns()));
+        assert!(memory.notice_suspension(1_000_000_000, 7));
     }
 }

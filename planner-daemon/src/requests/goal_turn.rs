@@ -61,7 +61,7 @@ impl Service {
         };
         let task = match self.validator.validate(&request, &self.plans) {
             Ok(task) => PlanTask {
-                moves_end: self.goal.keeper.follows_target(),
+                moves_end_of: self.goal.keeper.motion_to_target(),
                 ..task
             },
             Err(refusal) => return self.refuse(&asker, 0, &refusal),

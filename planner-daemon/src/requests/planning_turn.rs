@@ -51,10 +51,34 @@ impl Service {
             return true;
         }
         let next = match &self.deferred {
-            Some(_) => self.queue.pop_if(|queued| !queued.task.starts_at_robot),
             None => self.queue.pop(),
+            Some((waiting, _)) if matches!(waiting.asker, Asker::Client(_)) => {
+                self.queue.pop_if(|queued| !queued.task.starts_at_robot)
+            }
+            Some(_) => None,
         };
         next.is_some_and(|queued| self.begin(queued, Attempt::FIRST))
+    }
+
+    /// Refuses the request that waits for the robot, where it has waited for long enough and another one's plan is made.
+    pub(super) fn end_waiting(&mut self, now: Instant) {
+        let has_waited = |(waiting, _): &mut (Queued, Attempt)| !waiting.can_wait(now);
+        if self.in_flight.is_none() {
+            return;
+        }
+        let Some((mut queued, attempt)) = self.deferred.take_if(has_waited) else {
+            return;
+        };
+        if now >= queued.expires() {
+            self.answer_late(&queued, now);
+            return;
+        }
+        match self.start(&mut queued.task, Duration::ZERO) {
+            Ok(_) => self.deferred = Some((queued, attempt)),
+            Err(NotReady::Passes(refusal) | NotReady::Stays(refusal)) => {
+                self.refuse(&queued.asker, queued.task.request_id, &refusal);
+            }
+        }
     }
 
     /// Begins to plan a request; false where that is deferred.

@@ -58,8 +58,8 @@ pub(crate) struct PlanTask {
     pub(crate) ahead: Vec<Via>,
     /// Whether its goals are reached after those ahead.
     pub(crate) appends: bool,
-    /// Whether the end of the motion that is followed is moved to the goal where it can be.
-    pub(crate) moves_end: bool,
+    /// The motion whose end may be moved to the goal, if the robot follows it.
+    pub(crate) moves_end_of: Option<u32>,
     /// Time that the answer may take.
     pub(crate) deadline: Duration,
     /// Distance from the goal that counts as reached, section lengths.
@@ -164,7 +164,7 @@ impl RequestValidator {
             via: asked.via.iter().map(|goal| self.via(goal)).collect(),
             ahead: Vec::new(),
             appends: asked.start == StartKind::AfterGoals,
-            moves_end: false,
+            moves_end_of: None,
             deadline: asked.deadline.unwrap_or(self.default_deadline),
             tip_tolerance: match self.planner {
                 PlannerKind::Pcc => tip_tolerance(&asked.goal, &self.robot),

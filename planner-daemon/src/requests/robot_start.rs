@@ -41,7 +41,7 @@ pub(super) fn begin_at_robot(
                 acceleration: switch.state.acceleration,
             };
             set_start(task, switch.state.position, Some(motion));
-            if task.moves_end && !followed.is_blocked {
+            if task.moves_end_of == Some(followed.trajectory_id) && !followed.is_blocked {
                 let remaining = followed.motion.remaining_from(switch.path_time_s);
                 task.request.end_to_move = remaining.map(|remaining| EndToMove {
                     remaining: Arc::new(remaining),
@@ -187,7 +187,7 @@ mod tests {
     #[test]
     fn what_is_left_of_a_motion_belongs_to_the_start_that_was_set_last() {
         let mut task = task();
-        task.moves_end = true;
+        task.moves_end_of = Some(7);
         let mut followed = followed();
         let robot = RobotMotion::Following(followed.clone());
         begin_at_robot(&mut task, &robot, LEAD, 0).unwrap();

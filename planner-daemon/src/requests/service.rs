@@ -224,10 +224,15 @@ impl Service {
     fn answer_expired(&mut self) {
         let now = Instant::now();
         for late in self.queue.take_out(|queued| now >= queued.expires()) {
-            let mut answer = Answer::refused(late.task.request_id, &too_late(&late.task));
-            answer.set_wait(now - late.received);
-            self.send(&mut answer, &late.asker);
+            self.answer_late(&late, now);
         }
+        self.end_waiting(now);
+    }
+
+    pub(super) fn answer_late(&mut self, late: &Queued, now: Instant) {
+        let mut answer = Answer::refused(late.task.request_id, &too_late(&late.task));
+        answer.set_wait(now - late.received);
+        self.send(&mut answer, &late.asker);
     }
 
     /// Sleeps until a request arrives, the planner has an output, or the poll interval or a queued deadline ends. The wake descriptor is

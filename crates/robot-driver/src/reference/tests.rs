@@ -80,7 +80,11 @@ fn a_driver_that_was_held_up_does_not_jump_after_the_motion() {
     let mut paused = reference.clone();
     paused.step(400 * MS, Some(&ahead(0.020)));
     assert_eq!(paused.mode(), Mode::Following);
-    // The controller went on for 100 ms.
+    // The controller went on for 100 ms; a cycle without a set-point came between.
+    let mut waking = reference.clone();
+    waking.step(390 * MS, None);
+    waking.step(400 * MS, Some(&ahead(0.100)));
+    assert_eq!(waking.mode(), Mode::Ramping);
     let jump = reference.step(400 * MS, Some(&ahead(0.100)));
     assert_eq!(reference.mode(), Mode::Ramping);
     assert!(largest_difference(&jump.position_m, &before) <= 0.08 * 5e-3);

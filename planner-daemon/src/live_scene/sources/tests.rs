@@ -1,6 +1,5 @@
 //! Which scenes count for how long, and what they mean for a motion.
 
-use shared_types::clock::suspended_ns;
 use shared_types::ipc::IpcOptions;
 use shared_types::message;
 use shared_types::valid::Scene as ValidScene;
@@ -62,7 +61,7 @@ fn after_another(folder: &tempfile::TempDir, section_length_m: f64, expected: bo
         prefix: "test".to_owned(),
         root: folder.path().to_owned(),
     };
-    let memory = SceneMemory::open(&options).unwrap();
+    let memory = SceneMemory::open(&options, 0).unwrap();
     let robot = robot_of_sections(section_length_m);
     LiveScene::recall(memory, robot, expected, BEGUN)
 }
@@ -192,7 +191,7 @@ fn what_was_told_before_the_machine_was_suspended_counts_no_more() {
     let mut live = after_another(&folder, LENGTH_M, false);
     take(&mut live, &scene("a", NOW, &[]), 1, NOW);
     assert_eq!(live.absence(NOW), None);
-    live.watch_suspension(suspended_ns() + SECOND, NOW + 2);
+    live.watch_suspension(SECOND, NOW + 2);
     let absence = live.absence(NOW + 2).unwrap();
     assert!(absence.to_string().contains("\"a\""), "{absence}");
     let told_before = take(&mut live, &scene("a", NOW + 1, &[]), 1, NOW + 3);

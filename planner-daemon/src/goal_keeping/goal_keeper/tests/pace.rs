@@ -182,14 +182,14 @@ fn a_goal_with_a_velocity_is_followed_by_motions_with_its_limits() {
     };
     let mut bench = Bench::new();
     bench.give(moving(0));
-    assert!(!bench.keeper.follows_target(), "the robot rests");
+    assert_eq!(bench.keeper.motion_to_target(), None, "the robot rests");
     bench.heads(&holding(), 7);
-    assert!(bench.keeper.follows_target());
+    assert_eq!(bench.keeper.motion_to_target(), Some(7));
     bench.give(StandingGoal {
         limits_scale: 0.5,
         ..moving(1)
     });
-    assert!(!bench.keeper.follows_target(), "other limits");
+    assert_eq!(bench.keeper.motion_to_target(), None, "other limits");
     bench.give(tip_at(1.0, 2));
-    assert!(!bench.keeper.follows_target(), "it rests");
+    assert_eq!(bench.keeper.motion_to_target(), None, "it rests");
 }

@@ -86,7 +86,10 @@ fn curve(report: &mut Report, model: &Model) -> anyhow::Result<()> {
     let is_percent = |success: f64| success > 0.0 && success <= 100.0;
     let are_percent = points.iter().all(|(_, success)| is_percent(*success));
     report.check(
-        &format!("the curve of success against updates, {} points", points.len()),
+        &format!(
+            "the curve of success against updates, {} points",
+            points.len()
+        ),
         format!(
             "to {last} updates; the committed weights have {}",
             model.updates

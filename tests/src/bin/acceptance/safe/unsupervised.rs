@@ -91,7 +91,8 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
 /// A trajectory that was published and must not be executed, and how long to look.
 struct Published {
     stack: Stack,
-    id: u32,
+    /// None where the daemon has refused it by name.
+    id: Option<u32>,
     look: Duration,
 }
 
@@ -111,10 +112,11 @@ fn never_begun(
             look,
         } = publish()?;
         let begin = Instant::now();
-        let mut refused = None;
+        // The daemon has refused what it has not published.
+        let mut refused = id.is_none().then_some(refusal);
         while begin.elapsed() < look {
             let state = stack.controller_state();
-            if state.values.refused_trajectory_id == id {
+            if id == Some(state.values.refused_trajectory_id) {
                 refused = Some(state.refusal);
             }
             if matches!(state.state, LoopState::Executing | LoopState::Stopping) {
@@ -170,7 +172,7 @@ fn of_a_dead_daemon() -> anyhow::Result<Published> {
     relay.release()?;
     Ok(Published {
         stack,
-        id,
+        id: Some(id),
         look: AHEAD + Duration::from_secs(2),
     })
 }
@@ -194,7 +196,7 @@ fn long_after_its_begin() -> anyhow::Result<Published> {
     relay.release()?;
     Ok(Published {
         stack,
-        id,
+        id: Some(id),
         look: Duration::from_secs(2),
     })
 }
@@ -213,7 +215,7 @@ fn before_a_stop() -> anyhow::Result<Published> {
     );
     Ok(Published {
         stack,
-        id,
+        id: Some(id),
         look: AHEAD + Duration::from_secs(2),
     })
 }
@@ -261,9 +263,14 @@ fn requested_before(thread: &str, forbid: Forbid) -> anyhow::Result<Published> {
         worker.release()?;
     }
     let answer = stack.client.wait(pending, PATIENCE)?;
-    let id = answer.report().trajectory_id;
+    let (id, reason) = (answer.report().trajectory_id, &answer.report().reason);
+    anyhow::ensure!(
+        id.is_some() || reason.contains("came after the request"),
+        "not published: {reason}"
+    );
+    drop(answer);
     Ok(Published {
-        id: id.ok_or_else(|| anyhow::anyhow!("not published: {}", answer.report().reason))?,
+        id,
         stack,
         look: Duration::from_secs(2),
     })

@@ -110,6 +110,7 @@ const DAEMON: &[Key] = &[
     optional("path_tolerance_rad", real(0.001, 0.1)),
     optional("begin_lead_ms", real(10.0, 1000.0)),
     optional("wait", Rule::OneOf(&["event", "poll"])),
+    optional("planner", Rule::OneOf(&["pcc", "null"])),
     optional("realtime_priority", Rule::Whole(0, 68)),
     optional("processors", Rule::Wholes(0, 1023)),
     optional("lock_memory", Rule::Truth),

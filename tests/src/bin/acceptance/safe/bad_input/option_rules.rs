@@ -86,6 +86,7 @@ pub(super) const COMMANDS: &[Command] = &[
             ("--execute", Wanted::Flag),
             ("--begin-in", Wanted::Real([0.0, 600.0])),
             ("--wait", Wanted::Flag),
+            ("--json", Wanted::Flag),
         ],
     },
     Command {
@@ -114,6 +115,23 @@ pub(super) const COMMANDS: &[Command] = &[
             ("[CANDIDATE]", Wanted::Whole([0, 63], -1)),
             ("--wait", Wanted::Flag),
         ],
+    },
+    Command {
+        name: "home",
+        family: "options of home",
+        is_live: false,
+        // No servos are there.
+        runs: false,
+        base: &[("--config", &["repository:config/dynamixel-robot.toml"])],
+        options: &[("--config", Wanted::ReadFile)],
+    },
+    Command {
+        name: "services",
+        family: "options of services",
+        is_live: true,
+        runs: true,
+        base: &[],
+        options: &[("--json", Wanted::Flag)],
     },
     Command {
         name: "demo",

@@ -297,8 +297,9 @@ pub(super) fn nobody_serves_command(report: &mut Report) -> anyhow::Result<()> {
     stack.start(Part::Daemon);
     stack.client.wait_for_daemon(PATIENCE)?;
     let (options, quit) = (stack.world.options.clone(), AtomicBool::new(false));
+    let robot_hash = stack.world.robot.hash();
     let figure = thread::scope(|scope| {
-        scope.spawn(|| play_deaf_controller(&options, &quit));
+        scope.spawn(|| play_deaf_controller(&options, robot_hash, &quit));
         thread::sleep(Duration::from_millis(200));
         let outcome = refusal(&mut stack);
         quit.store(true, Ordering::Relaxed);
@@ -311,13 +312,14 @@ pub(super) fn nobody_serves_command(report: &mut Report) -> anyhow::Result<()> {
 }
 
 /// Publishes the state of a controller that holds at zero, 50 times a second.
-fn play_deaf_controller(options: &IpcOptions, quit: &AtomicBool) {
+fn play_deaf_controller(options: &IpcOptions, robot_hash: u64, quit: &AtomicBool) {
     let node = IpcNode::create(options, "deaf-controller").unwrap();
     let states = publisher(&node, &controller_state_service(&node).unwrap()).unwrap();
     while !quit.load(Ordering::Relaxed) {
         let state = ControllerState {
             stamp_mono_ns: mono_now_ns(),
             instance: 1,
+            robot_hash,
             state: LoopState::Holding.code(),
             rate: 1.0,
             ..ControllerState::ZEROED
