@@ -235,10 +235,10 @@ impl Reference {
         self.check_steps(elapsed_s, target)
     }
 
-    /// The longest time that a set-point may be ahead of the one before it in its motion, ns.
+    /// The longest time that a set-point may be ahead of the one before it in its motion, ns: after a pause of the whole machine the controller
+    /// goes on by as much as without it, and then by every cycle until the driver looks.
     fn longest_step_ns(&self) -> i64 {
-        let limits = &self.limits;
-        limits.lost_after_ns.max(limits.longest_cycle_ns)
+        self.limits.lost_after_ns + self.limits.longest_cycle_ns
     }
 
     fn check_steps(&self, elapsed_s: f64, target: &Setpoint) -> Result<(), Refusal> {

@@ -77,9 +77,11 @@ fn a_driver_that_was_held_up_does_not_jump_after_the_motion() {
         setpoint
     };
     // A pause of the whole machine: the controller goes on from where it was.
-    let mut paused = reference.clone();
-    paused.step(400 * MS, Some(&ahead(0.020)));
-    assert_eq!(paused.mode(), Mode::Following);
+    for ahead_s in [0.020, 0.024] {
+        let mut paused = reference.clone();
+        paused.step(400 * MS, Some(&ahead(ahead_s)));
+        assert_eq!(paused.mode(), Mode::Following, "{ahead_s} s further");
+    }
     // The controller went on for 100 ms; a cycle without a set-point came between.
     let mut waking = reference.clone();
     waking.step(390 * MS, None);
