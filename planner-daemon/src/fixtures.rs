@@ -13,6 +13,7 @@ use shared_types::{message, valid};
 use trajectory::Trajectory;
 
 use crate::execution::FollowedMotion;
+use crate::live_scene::Progress;
 use crate::requests::{MostKnots, PlanTask};
 
 /// The shipped unit robot.
@@ -98,10 +99,11 @@ pub(crate) fn followed() -> FollowedMotion {
         trajectory_id: 7,
         motion: Arc::new(motion()),
         goals: Arc::default(),
-        time_s: 0.1,
-        rate: 1.0,
+        progress: Progress {
+            time_s: 0.1,
+            ..Progress::from_begin(0)
+        },
         fastest_rate: 1.0,
-        state_mono_ns: 0,
     }
 }
 

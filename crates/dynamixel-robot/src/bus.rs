@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use dynamixel2::instructions::SyncWriteData;
-use dynamixel2::{Bus, ReadError, TransferError, WriteError};
+use dynamixel2::{Bus, ReadError, StatusPacket, TransferError, WriteError};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::registers::{GOAL_POSITION, HARDWARE_ERROR_STATUS, PRESENT_STATE, STATE_BYTES};
@@ -162,9 +162,17 @@ impl ServoBus {
         self.bus.write_instruction(id, READ, 4, encode).ok()?;
         let on_the_line = self.time_of(14 + STATUS_OVERHEAD + BYTES as u32);
         let deadline = Instant::now() + on_the_line + SLACK_IN_THE_LOOP;
-        let answer = self.bus.read_status_response_deadline(deadline).ok()?;
-        let bytes = answer.parameters().try_into().ok()?;
-        (answer.packet_id() == id).then_some(bytes)
+        let mut bytes = None;
+        hear(&mut self.bus, deadline, |answer| {
+            let Some(answer) = answer else {
+                return false;
+            };
+            if answer.packet_id() == id {
+                bytes = answer.parameters().try_into().ok();
+            }
+            answer.packet_id() != id
+        });
+        bytes
     }
 
     /// Why a servo is in error, by its hardware error status.
@@ -226,42 +234,22 @@ impl ServoBus {
         deadline: Instant,
         mut told: impl FnMut(usize, ServoState),
     ) {
-        let (mut left, mut is_last_look) = (count, false);
-        while left > 0 {
-            match self
-                .bus
-                .read_status_response_deadline(Instant::now() + LOOK)
-            {
-                Ok(packet) => {
-                    left -= 1;
-                    let id = packet.packet_id();
-                    let tendon = self.ids.iter().position(|known| *known == id);
-                    let state = state_of(packet.parameters(), packet.alert());
-                    if let Some((tendon, state)) = tendon.zip(state) {
-                        told(tendon, state);
-                    }
-                }
-                Err(ReadError::Io(error)) => {
-                    let is_over = is_last_look || error.kind() != ErrorKind::TimedOut;
-                    is_last_look = Instant::now() >= deadline;
-                    if is_over || !self.has_bytes_by(deadline) {
-                        return;
-                    }
-                }
-                Err(_) => left -= 1,
-            }
+        if count == 0 {
+            return;
         }
-    }
-
-    /// Waits for bytes until a deadline, to the microsecond; whether some are there.
-    fn has_bytes_by(&self, deadline: Instant) -> bool {
-        let left = deadline.saturating_duration_since(Instant::now());
-        let Ok(left) = Timespec::try_from(left) else {
-            return false;
-        };
-        let mut line = [PollFd::new(self.bus.serial_port(), PollFlags::IN)];
-        // A line that hangs up has none.
-        poll(&mut line, Some(&left)).is_ok() && line[0].revents() == PollFlags::IN
+        let mut left = count;
+        let ids = &self.ids;
+        hear(&mut self.bus, deadline, |answer| {
+            left -= 1;
+            if let Some(answer) = answer {
+                let tendon = ids.iter().position(|id| *id == answer.packet_id());
+                let state = state_of(answer.parameters(), answer.alert());
+                if let Some((tendon, state)) = tendon.zip(state) {
+                    told(tendon, state);
+                }
+            }
+            left > 0
+        });
     }
 
     /// The states of all servos, each asked until it answers.
@@ -317,6 +305,42 @@ impl ServoBus {
     }
 }
 
+/// The answers that come before a deadline, or before this call where that is later, none for a damaged one, until `wants_more` has enough.
+fn hear(
+    bus: &mut Bus<Vec<u8>, Vec<u8>>,
+    deadline: Instant,
+    mut wants_more: impl FnMut(Option<StatusPacket<'_>>) -> bool,
+) {
+    let mut is_last_look = false;
+    loop {
+        match bus.read_status_response_deadline(Instant::now() + LOOK) {
+            Err(ReadError::Io(error)) => {
+                let is_over = is_last_look || error.kind() != ErrorKind::TimedOut;
+                is_last_look = Instant::now() >= deadline;
+                if is_over || !has_bytes_by(bus, deadline) {
+                    return;
+                }
+            }
+            answer => {
+                if !wants_more(answer.ok()) {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+/// Waits for bytes until a deadline, to the microsecond; whether some are there.
+fn has_bytes_by(bus: &Bus<Vec<u8>, Vec<u8>>, deadline: Instant) -> bool {
+    let left = deadline.saturating_duration_since(Instant::now());
+    let Ok(left) = Timespec::try_from(left) else {
+        return false;
+    };
+    let mut line = [PollFd::new(bus.serial_port(), PollFlags::IN)];
+    // A line that hangs up has none.
+    poll(&mut line, Some(&left)).is_ok() && line[0].revents() == PollFlags::IN
+}
+
 /// The state that these parameters of a status packet are; none where they are of another length.
 fn state_of(parameters: &[u8], is_in_error: bool) -> Option<ServoState> {
     let unstuffed = without_stuffing(parameters)?;
@@ -354,7 +378,7 @@ fn without_stuffing(parameters: &[u8]) -> Option<[u8; STATE_BYTES as usize]> {
 #[cfg(test)]
 mod tests {
     use std::fs::File;
-    use std::io::Write;
+    use std::io::{Read, Write};
 
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
@@ -390,7 +414,8 @@ mod tests {
     fn what_has_come_before_it_is_looked_counts_whatever_the_deadline() {
         let (mut bus, mut servos) = line();
         servos.write_all(STATES.as_flattened()).unwrap();
-        assert!(bus.has_bytes_by(Instant::now() + Duration::from_secs(5)));
+        let soon = Instant::now() + Duration::from_secs(5);
+        assert!(has_bytes_by(&bus.bus, soon));
         assert_eq!(heard(&mut bus, Instant::now()), [0, 1]);
         assert_eq!(heard(&mut bus, Instant::now()), [0; 0]);
     }
@@ -411,10 +436,25 @@ mod tests {
     }
 
     #[test]
+    fn a_late_answer_of_another_servo_is_no_answer_of_the_one_that_is_asked() {
+        let (mut bus, mut servos) = line();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                servos.read_exact(&mut [0; 14]).unwrap();
+                let [asked, late] = STATES;
+                servos.write_all([late, asked].as_flattened()).unwrap();
+            });
+            let state = bus.try_read::<{ STATE_BYTES as usize }>(0, PRESENT_STATE);
+            assert_eq!(state, Some([0; STATE_BYTES as usize]));
+        });
+        assert_eq!(bus.try_read::<1>(0, PRESENT_STATE), None);
+    }
+
+    #[test]
     fn a_deadline_within_a_millisecond_is_waited_for() {
         let (bus, _servos) = line();
         let deadline = Instant::now() + Duration::from_micros(900);
-        assert!(!bus.has_bytes_by(deadline));
+        assert!(!has_bytes_by(&bus.bus, deadline));
         assert!(Instant::now() >= deadline);
     }
 

@@ -95,7 +95,11 @@ impl DrivenRobot {
         }
         match mode {
             Mode::Fault(refusal) => warn!(%refusal, "set-point refused: fault, ramping to rest"),
-            Mode::Ramping => warn!("no set-point: ramping to rest"),
+            Mode::Ramping => warn!(
+                silent_ms = self.reference.silent_s() * 1e3,
+                set_point_age_ms = self.reference.set_point_age_s(self.stamp_ns) * 1e3,
+                "ramping to rest: no set-point, or, after a hold-up of this driver, one that is too far"
+            ),
             Mode::Idle | Mode::Following | Mode::AtRestAfterLoss => info!(?mode, "robot"),
         }
         self.mode = mode;

@@ -125,6 +125,18 @@ impl Reference {
         self.anchor.sequence
     }
 
+    /// Cycle time since the last set-point, good or not, s.
+    #[must_use]
+    pub fn silent_s(&self) -> f64 {
+        seconds(self.silent_ns)
+    }
+
+    /// Time since the last accepted set-point's stamp, s.
+    #[must_use]
+    pub fn set_point_age_s(&self, now_ns: i64) -> f64 {
+        seconds(now_ns - self.anchor.stamp_mono_ns)
+    }
+
     /// How often set-points stopped coming (or broke a rule) and the reference went to rest by itself.
     #[must_use]
     pub fn ramps_to_rest(&self) -> u32 {

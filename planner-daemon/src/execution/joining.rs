@@ -15,7 +15,7 @@ impl Supervisor {
         };
         let id = joining.id;
         match joining.update(state) {
-            MotionStatus::Executing { .. } | MotionStatus::Stopping => {
+            MotionStatus::Executing(_) | MotionStatus::Stopping => {
                 let left = std::mem::replace(&mut self.supervised, self.joining.take());
                 if let Some(left) = left {
                     tracing::info!("trajectory {} is over: joined by {id}", left.id);
@@ -45,7 +45,7 @@ impl Supervisor {
         let Some(switch) = &joining.leaves else {
             return;
         };
-        let progress = left.progress_of_next(switch, now_mono_ns);
+        let progress = left.progress_of_joining(switch, now_mono_ns);
         let surroundings = Surroundings {
             rules: &self.rules,
             live: &self.live,

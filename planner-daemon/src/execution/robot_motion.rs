@@ -11,7 +11,7 @@ use trajectory::{Knot, Trajectory};
 
 use super::refusal::ExecutionRefusal;
 use super::stop_reason::StopReason;
-use crate::live_scene::{Progress, Timing};
+use crate::live_scene::Progress;
 
 /// Least path time between a switch and a knot of the motion that is left, s; the controller wants 0.4 ms.
 const SWITCH_GAP_S: f64 = 6e-4;
@@ -73,14 +73,10 @@ pub(crate) struct FollowedMotion {
     pub(crate) goals: Arc<[TimedGoal]>,
     /// Whether what is left of it is not certified to its end.
     pub(crate) is_blocked: bool,
-    /// Path time at the state's stamp, s.
-    pub(crate) time_s: f64,
-    /// Path time per time, as the state has it.
-    pub(crate) rate: f64,
+    /// Its place at the state's stamp.
+    pub(crate) progress: Progress,
     /// The highest path time per time that it can have by now.
     pub(crate) fastest_rate: f64,
-    /// Stamp of the state, nanoseconds of `CLOCK_MONOTONIC`.
-    pub(crate) state_mono_ns: i64,
 }
 
 /// Where a motion leaves the one that is followed.
@@ -97,17 +93,8 @@ pub(crate) struct Switch {
 impl FollowedMotion {
     /// The largest path time that it can have reached by a time, s.
     pub(crate) fn latest_s(&self, mono_ns: i64) -> f64 {
-        self.time_s + seconds((mono_ns - self.state_mono_ns).max(0)) * self.fastest_rate
-    }
-
-    /// The timing of a motion that leaves it at a switch.
-    pub(crate) fn timing_after(&self, switch: &Switch) -> Timing {
-        let progress = Progress {
-            time_s: self.time_s,
-            mono_ns: self.state_mono_ns,
-            rate: self.rate,
-        };
-        progress.of_next(switch.path_time_s).timing()
+        let since_s = seconds((mono_ns - self.progress.mono_ns).max(0));
+        self.progress.time_s + since_s * self.fastest_rate
     }
 
     /// The first place at which the motion can be left by one that is published `lead` from now; none where it ends before that.
@@ -188,10 +175,9 @@ mod tests {
     const NOW: i64 = 5_000_000_000;
 
     fn followed() -> FollowedMotion {
-        FollowedMotion {
-            state_mono_ns: NOW - 10_000_000,
-            ..fixtures::followed()
-        }
+        let mut followed = fixtures::followed();
+        followed.progress.mono_ns = NOW - 10_000_000;
+        followed
     }
 
     #[test]
@@ -204,10 +190,8 @@ mod tests {
         let at = followed.motion.at(switch.path_time_s);
         assert_eq!(switch.state.velocity, at.velocity);
         let end = followed.motion.duration();
-        let at_end = FollowedMotion {
-            time_s: end - 0.01,
-            ..followed
-        };
+        let mut at_end = followed;
+        at_end.progress.time_s = end - 0.01;
         assert_eq!(at_end.switch_after(Duration::from_millis(5), NOW), None);
     }
 

@@ -46,8 +46,8 @@ pub(crate) struct SupervisedMotion {
 pub(crate) enum MotionStatus {
     /// The controller has not begun the motion yet.
     Pending,
-    /// The controller executes the motion, which was at this path time, s, at its state's stamp.
-    Executing { time_s: f64, rate: f64 },
+    /// The controller executes the motion, which was here at its state's stamp.
+    Executing(Progress),
     /// The controller brakes.
     Stopping,
     /// The motion has ended, for this reason.
@@ -96,10 +96,7 @@ impl SupervisedMotion {
         let is_its_id = values.trajectory_id == self.id;
         match state.state {
             // Before all else: whatever else is said of it, it moves.
-            LoopState::Executing if is_its_id => MotionStatus::Executing {
-                time_s: values.trajectory_time_s,
-                rate: values.rate,
-            },
+            LoopState::Executing if is_its_id => MotionStatus::Executing(Progress::told_by(values)),
             LoopState::Stopping if is_its_id => MotionStatus::Stopping,
             _ if values.refused_trajectory_id == self.id => {
                 MotionStatus::Over(state.refusal.text())
@@ -131,21 +128,15 @@ impl SupervisedMotion {
     /// Where the motion is by the last fresh state; what has not begun when it should have lags.
     pub(crate) fn progress(&self, now_mono_ns: i64) -> Progress {
         match self.status {
-            MotionStatus::Executing { time_s, rate } => Progress {
-                time_s,
-                mono_ns: self.state_mono_ns,
-                rate,
-            },
+            MotionStatus::Executing(progress) => progress,
             _ => Progress::from_begin(self.begin_mono_ns.max(now_mono_ns)),
         }
     }
 
-    /// Where the motion is that leaves this one at a switch: as far before its begin as this one is before the switch.
-    pub(crate) fn progress_of_next(&self, switch: &Switch, now_mono_ns: i64) -> Progress {
+    /// Where the motion is that leaves this one at a switch.
+    pub(crate) fn progress_of_joining(&self, switch: &Switch, now_mono_ns: i64) -> Progress {
         match self.status {
-            MotionStatus::Executing { .. } => {
-                self.progress(now_mono_ns).of_next(switch.path_time_s)
-            }
+            MotionStatus::Executing(progress) => progress.of_joining(switch.path_time_s),
             _ => Progress::from_begin(now_mono_ns),
         }
     }
@@ -215,21 +206,29 @@ mod tests {
     }
 
     #[test]
-    fn its_place_and_rate_are_those_heard_last_and_the_next_motion_is_before_its_switch() {
+    fn its_place_and_rate_are_those_heard_last_and_the_motion_that_leaves_it_is_before_its_switch()
+    {
         let mut supervised = supervised();
         let heard = state(|values| (values.trajectory_time_s, values.rate) = (1.5, 0.5));
         supervised.update(&heard);
         let now = BEGIN + 900_000_000;
         let progress = supervised.progress(now);
-        let (time_s, mono_ns, rate) = (progress.time_s, progress.mono_ns, progress.rate);
-        assert_eq!((time_s, mono_ns, rate), (1.5, BEGIN, 0.5));
+        let (time_s, mono_ns, rate) = (1.5, BEGIN, 0.5);
+        assert_eq!(
+            progress,
+            Progress {
+                time_s,
+                mono_ns,
+                rate
+            }
+        );
         let switch = Switch {
             trajectory_id: 7,
             path_time_s: 1.75,
             state: motion().knots()[0],
         };
-        let next = supervised.progress_of_next(&switch, now);
-        assert_eq!(next, progress.of_next(1.75));
+        let next = supervised.progress_of_joining(&switch, now);
+        assert_eq!(next, progress.of_joining(1.75));
     }
 
     #[test]
@@ -253,8 +252,10 @@ mod tests {
     #[test]
     fn a_motion_that_is_executed_is_not_over_whatever_was_refused() {
         let refused = |values: &mut message::ControllerState| values.refused_trajectory_id = 7;
-        let (time_s, rate) = (0.0, 0.0);
-        assert_eq!(update(refused), MotionStatus::Executing { time_s, rate });
+        let MotionStatus::Executing(progress) = update(refused) else {
+            panic!("it is executed");
+        };
+        assert_eq!((progress.time_s, progress.rate), (0.0, 0.0));
         let stopping = update(|values| {
             refused(values);
             values.state = LoopState::Stopping.code();

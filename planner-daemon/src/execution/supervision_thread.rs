@@ -149,7 +149,9 @@ impl Execution {
                 Timing::from_begin(not_before_mono_ns.map_or(soonest, |begin| begin.max(soonest)))
             }
             ExpectedBegin::InMotion => Timing::from_begin(soonest),
-            ExpectedBegin::AtSwitch(followed, switch) => followed.timing_after(&switch),
+            ExpectedBegin::AtSwitch(followed, switch) => {
+                followed.progress.of_joining(switch.path_time_s).timing()
+            }
         };
         let expected = ExpectedMotion {
             timing,

@@ -27,7 +27,9 @@ use super::shared::Shared;
 use super::stop_order::StopOrder;
 use super::stop_reason::StopReason;
 use super::supervised_motion::{MotionStatus, SupervisedMotion, is_fresh};
-use crate::live_scene::{Arrival, LiveScene, MAX_SOURCES, SceneInbox, SceneMemory, SceneSnapshot};
+use crate::live_scene::{
+    Arrival, LiveScene, MAX_SOURCES, Progress, SceneInbox, SceneMemory, SceneSnapshot,
+};
 
 /// Period of the supervision loop.
 const ROUND_PERIOD: Duration = Duration::from_millis(1);
@@ -194,7 +196,7 @@ impl Supervisor {
     pub(super) fn round(&mut self) {
         self.connect();
         self.receive_controller_state();
-        self.live.watch_suspension(suspended_ns(), mono_now_ns());
+        self.live.notice_suspension(suspended_ns(), mono_now_ns());
         self.live.attend(self.inbox.present(), mono_now_ns());
         self.inbox.receive();
         self.supervise();
@@ -392,10 +394,8 @@ pub(super) fn robot_motion(
                 motion: Arc::clone(&own.motion),
                 goals: Arc::clone(&own.goals),
                 is_blocked: own.is_blocked,
-                time_s: values.trajectory_time_s,
-                rate: values.rate,
+                progress: Progress::told_by(values),
                 fastest_rate: values.rate.max(ordered),
-                state_mono_ns: values.stamp_mono_ns,
             })
         }
         (state_now, _) => RobotMotion::Busy {

@@ -85,6 +85,7 @@ mod tests {
     use super::*;
     use crate::execution::FollowedMotion;
     use crate::fixtures::{followed, motion, unit_robot};
+    use crate::live_scene::Progress;
 
     const MS: i64 = 1_000_000;
     const STAMP: i64 = 5_000 * MS;
@@ -122,8 +123,10 @@ mod tests {
 
     fn following(time_s: f64) -> RobotMotion {
         RobotMotion::Following(FollowedMotion {
-            time_s,
-            state_mono_ns: i64::MAX,
+            progress: Progress {
+                time_s,
+                ..Progress::from_begin(i64::MAX)
+            },
             ..followed()
         })
     }

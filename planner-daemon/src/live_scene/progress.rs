@@ -1,6 +1,7 @@
 //! Where a motion is on its path, and how soon it may pass the rest.
 
 use shared_types::clock::{STATE_LIFETIME_NS, seconds};
+use shared_types::message::ControllerState;
 
 use super::moving_ball_cover::{Stretch, Timing, UNSUPERVISED_S};
 
@@ -25,8 +26,17 @@ impl Progress {
         }
     }
 
-    /// The place of a motion that begins where this one is at a path time, s.
-    pub(crate) fn of_next(self, switch_s: f64) -> Self {
+    /// Where a controller's state has its motion.
+    pub(crate) fn told_by(state: &ControllerState) -> Self {
+        Self {
+            time_s: state.trajectory_time_s,
+            mono_ns: state.stamp_mono_ns,
+            rate: state.rate,
+        }
+    }
+
+    /// The place of a motion that leaves this one at a path time, s: as far before its begin as this one is before that.
+    pub(crate) fn of_joining(self, switch_s: f64) -> Self {
         Self {
             time_s: self.time_s - switch_s,
             ..self
@@ -72,10 +82,10 @@ mod tests {
         let hurried = slowed.at_full_rate(0.25, 2.0).unwrap();
         assert_eq!(hurried.timing, Timing::passing(0.5, NOW, 1.0));
         assert!((hurried.until_s - 1.3).abs() < 1e-12, "{hurried:?}");
-        let hurried = slowed.of_next(0.75).at_full_rate(0.25, 2.0).unwrap();
+        let hurried = slowed.of_joining(0.75).at_full_rate(0.25, 2.0).unwrap();
         assert_eq!(hurried.timing, Timing::from_begin(NOW + 250_000_000));
         assert!((hurried.until_s - 0.55).abs() < 1e-12, "{hurried:?}");
-        assert_eq!(slowed.of_next(1.5).at_full_rate(0.25, 2.0), None);
+        assert_eq!(slowed.of_joining(1.5).at_full_rate(0.25, 2.0), None);
         assert_eq!(slowed.at_full_rate(0.25, 0.75).unwrap().until_s, 0.75);
         let full = Progress {
             rate: 1.0,
@@ -91,7 +101,7 @@ mod tests {
             mono_ns: NOW,
             rate: 0.5,
         };
-        let next = next.of_next(0.75);
+        let next = next.of_joining(0.75);
         assert_eq!((next.time_s, next.passed_s()), (-0.25, 0.0));
         assert_eq!(next.timing(), Timing::passing(-0.25, NOW, 0.5));
     }

@@ -125,7 +125,7 @@ impl LiveScene {
 
     /// Forgets every scene after a suspension of the machine (`suspended_ns` in all since it was booted): obstacles may have moved. The
     /// sources stay, so that nothing is executed until each publishes again or takes its leave.
-    pub(crate) fn watch_suspension(&mut self, suspended_ns: i64, now_mono_ns: i64) {
+    pub(crate) fn notice_suspension(&mut self, suspended_ns: i64, now_mono_ns: i64) {
         if !self.memory.notice_suspension(suspended_ns, now_mono_ns) {
             return;
         }

@@ -191,7 +191,7 @@ fn what_was_told_before_the_machine_was_suspended_counts_no_more() {
     let mut live = after_another(&folder, LENGTH_M, false);
     take(&mut live, &scene("a", NOW, &[]), 1, NOW);
     assert_eq!(live.absence(NOW), None);
-    live.watch_suspension(SECOND, NOW + 2);
+    live.notice_suspension(SECOND, NOW + 2);
     let absence = live.absence(NOW + 2).unwrap();
     assert!(absence.to_string().contains("\"a\""), "{absence}");
     let told_before = take(&mut live, &scene("a", NOW + 1, &[]), 1, NOW + 3);

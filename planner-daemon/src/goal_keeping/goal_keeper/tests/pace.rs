@@ -1,6 +1,7 @@
 //! How often plans begin.
 
 use super::*;
+use crate::live_scene::Progress;
 
 #[test]
 fn a_goal_that_moves_is_planned_for_fifty_times_a_second_at_most() {
@@ -35,8 +36,10 @@ fn a_motion_from_rest_gathers_speed_before_it_is_left_for_a_tip_that_moved_a_lit
         };
         RobotMotion::Following(FollowedMotion {
             is_blocked,
-            time_s: 1e-3 * ms as f64,
-            state_mono_ns: now,
+            progress: Progress {
+                time_s: 1e-3 * ms as f64,
+                ..Progress::from_begin(now)
+            },
             ..followed
         })
     };

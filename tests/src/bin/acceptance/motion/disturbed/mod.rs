@@ -7,6 +7,7 @@ mod fates;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use anyhow::Context;
 use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState};
@@ -17,7 +18,7 @@ use tests::geometry::seeded;
 use tests::judge::Judge;
 use tests::listener::{Heard, Listener};
 use tests::replans::{ReplanScene, random_pause, replan};
-use tests::stack::{PATIENCE, Stack};
+use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
 use self::disturbance::{Disturbance, Schedule};
@@ -81,6 +82,8 @@ struct Run {
     faults: BTreeMap<String, usize>,
     /// Least clearance of what the robot's own reference did, m.
     reference_clearance_m: f64,
+    /// What the robot said of its ramps to rest.
+    ramps_said: Vec<String>,
 }
 
 impl Run {
@@ -97,6 +100,7 @@ impl Run {
             orders_taken: 0,
             faults: BTreeMap::new(),
             reference_clearance_m: f64::INFINITY,
+            ramps_said: Vec::new(),
         };
         let (mut random, mut index) = (seeded(SEED), 0);
         while run.figures.in_motion < replans {
@@ -113,6 +117,9 @@ impl Run {
             println!("  {} of {replans} replans", run.figures.in_motion);
         }
         run.figures.sent = judge.verdict().clone();
+        let said = stack.process(Part::Robot).log();
+        let ramps = said.lines().filter(|line| line.contains("ramping to rest"));
+        run.ramps_said = ramps.map(str::to_owned).collect();
         Ok(run)
     }
 
@@ -136,7 +143,8 @@ impl Run {
         }
         stack.controller.command(Command::SetSpeed(1.0), PROMPT)?;
         self.clear_fault(stack)?;
-        wait_until_held(stack)?;
+        let held = wait_until_held(stack);
+        held.with_context(|| format!("{:?}", stack.controller_state().values))?;
         Ok(asked)
     }
 
@@ -199,6 +207,10 @@ impl Run {
         report.shown(
             &line("faults, reset before the next"),
             format!("{:?}", self.faults),
+        );
+        report.shown(
+            &line("what the robot said of its ramps to rest"),
+            format!("{:?}", self.ramps_said),
         );
         let ramped: usize = fates.ramped.values().sum();
         report.shown(

@@ -7,8 +7,8 @@ pub(super) enum Wanted {
     Flag,
     /// A whole number of the range; numbers above the last one are right, and take too long to try.
     Whole([i128; 2], i128),
-    /// A number of the range; with 0 where the range begins above it.
-    Real([f64; 2]),
+    /// A number of the first range; what is outside of the second is right, and takes too long to try.
+    Real([f64; 2], [f64; 2]),
     /// Numbers whose size must not exceed the first; what else a message may call them.
     Reals(f64, &'static [&'static str]),
     /// A centre whose coordinates must not exceed this in size, and a radius of at most as much.
@@ -35,7 +35,7 @@ pub(super) enum Wanted {
 pub(super) struct Command {
     pub(super) name: &'static str,
     pub(super) family: &'static str,
-    /// Whether it talks to the running processes.
+    /// Whether it talks to the running processes, of which files that begin with `made:` were made, too.
     pub(super) is_live: bool,
     /// Whether its good line ends in seconds.
     pub(super) runs: bool,
@@ -81,10 +81,10 @@ pub(super) const COMMANDS: &[Command] = &[
             ("--index", Wanted::Whole([0, 0], 0)),
             // The longest deadline of a request is a minute.
             ("--deadline-ms", Wanted::Whole([0, 60_000], 60_000)),
-            ("--limits-scale", Wanted::Real([1e-9, 1.0])),
+            ("--limits-scale", Wanted::Real([1e-9, 1.0], [0.0, 1.0])),
             ("--append", Wanted::Flag),
             ("--execute", Wanted::Flag),
-            ("--begin-in", Wanted::Real([0.0, 600.0])),
+            ("--begin-in", Wanted::Real([0.0, 600.0], [0.0, 600.0])),
             ("--wait", Wanted::Flag),
             ("--json", Wanted::Flag),
         ],
@@ -99,7 +99,7 @@ pub(super) const COMMANDS: &[Command] = &[
         options: &[
             ("--tip", Wanted::Reals(1e3, &["goal"])),
             ("--configuration", ANGLES),
-            ("--limits-scale", Wanted::Real([1e-9, 1.0])),
+            ("--limits-scale", Wanted::Real([1e-9, 1.0], [0.0, 1.0])),
             ("--wait", Wanted::Flag),
         ],
     },
@@ -134,6 +134,109 @@ pub(super) const COMMANDS: &[Command] = &[
         options: &[("--json", Wanted::Flag)],
     },
     Command {
+        name: "latency",
+        family: "options of latency",
+        is_live: true,
+        runs: true,
+        base: &[
+            ("--requests", &["4"]),
+            ("--warm-up", &["0"]),
+            ("--candidates", &["1"]),
+        ],
+        options: &[
+            // More than the daemon has places for are refused by it.
+            ("--clients", Wanted::Whole([1, 64], 64)),
+            ("--requests", Wanted::Whole([1, 10_000_000], 300)),
+            ("--warm-up", Wanted::Whole([0, 1_000_000], 300)),
+            ("--rate", Wanted::Real([0.1, 1e6], [1.0, 1e6])),
+            ("--candidates", Wanted::Whole([1, 64], 64)),
+            ("--deadline-ms", Wanted::Whole([1, 60_000], 60_000)),
+            ("--seed", SEED),
+            ("--json", Wanted::WriteFile),
+            ("--plot", Wanted::WriteFile),
+            ("--stamps", Wanted::WriteFile),
+            ("--baselines", Wanted::Whole([1, 1_000_000], 300)),
+            ("--compare", Wanted::ReadFile),
+        ],
+    },
+    Command {
+        name: "record",
+        family: "options of record",
+        is_live: true,
+        runs: true,
+        base: &[("--seconds", &["0.1"]), ("<FILE>", &["record.mcap"])],
+        options: &[
+            ("<FILE>", Wanted::WriteFile),
+            ("--seconds", Wanted::Real([0.0, 1e9], [0.0, 2.0])),
+        ],
+    },
+    Command {
+        name: "replay",
+        family: "options of replay",
+        is_live: true,
+        runs: true,
+        base: &[("<FILE>", &["made:record.mcap"])],
+        options: &[("<FILE>", Wanted::ReadFile), ("--robot", Wanted::ReadFile)],
+    },
+    Command {
+        name: "view",
+        family: "options of view",
+        is_live: true,
+        runs: true,
+        base: &[
+            ("[FILE]", &["made:evaluation/paths.npz"]),
+            ROBOT,
+            ("--out", &["view.html"]),
+        ],
+        options: &[
+            ("[FILE]", Wanted::ReadFile),
+            // Beside a file it is refused; alone it serves until it is interrupted.
+            ("--live", Wanted::Flag),
+            ("--port", Wanted::Whole([1, 0], 0)),
+            ("--scene", Wanted::ReadFile),
+            ("--case", Wanted::Whole([0, u64::MAX as i128], i128::MAX)),
+            ("--robot", Wanted::ReadFile),
+            ("--out", Wanted::WriteFile),
+        ],
+    },
+    Command {
+        name: "compare",
+        family: "options of compare",
+        is_live: false,
+        runs: true,
+        base: &[
+            ("--planners", &["fast,straight"]),
+            ("--sets", &["repository:tests/data/reference-mixed-sample"]),
+            ("--cases", &["2"]),
+            ("--candidates", &["1"]),
+            ("--threads", &["1"]),
+            ROBOT,
+            ("--weights", &["repository:weights"]),
+            ("--out", &["out"]),
+        ],
+        options: &[
+            ("--planners", Wanted::Choice(&[])),
+            ("--sets", Wanted::ReadFolder),
+            // Beside planners and sets they are refused; alone they take minutes.
+            ("--figures", Wanted::Choice(&[])),
+            ("--cases", Wanted::Whole([2, u64::MAX as i128], 4)),
+            ("--quick", Wanted::Flag),
+            ("--candidates", Wanted::Whole([1, 64], 64)),
+            ("--seed", SEED),
+            ("--against", Wanted::Choice(&[])),
+            ("--threads", Wanted::Whole([0, 256], 256)),
+            ("--robot", Wanted::ReadFile),
+            ("--weights", Wanted::ReadFolder),
+            ("--model", Wanted::Name("fast")),
+            ("--evaluations", Wanted::Choice(&["1", "2", "4", "8"])),
+            // What the planners of the good line do not read is refused.
+            ("--steps", Wanted::Whole([1, 0], 0)),
+            ("--solver", Wanted::Choice(&["ddim", "dpm-solver"])),
+            ("--precision", Wanted::Choice(&["f32", "bf16"])),
+            ("--out", Wanted::WriteFolder),
+        ],
+    },
+    Command {
         name: "demo",
         family: "options of demo",
         is_live: true,
@@ -152,7 +255,8 @@ pub(super) const COMMANDS: &[Command] = &[
         runs: true,
         base: &[("--times", &["1"]), ("--rate-hz", &["100"])],
         options: &[
-            ("--rate-hz", Wanted::Real([0.1, 100.0])),
+            // A picture a second and slower.
+            ("--rate-hz", Wanted::Real([0.1, 100.0], [1.0, 100.0])),
             // 0 is without end.
             ("--times", Wanted::Whole([0, u64::MAX as i128], -1)),
         ],
@@ -198,7 +302,7 @@ pub(super) const COMMANDS: &[Command] = &[
         is_live: true,
         runs: true,
         base: &[("<RATE>", &["1"])],
-        options: &[("<RATE>", Wanted::Real([0.0, 1.0]))],
+        options: &[("<RATE>", Wanted::Real([0.0, 1.0], [0.0, 1.0]))],
     },
     Command {
         name: "scene",
@@ -338,7 +442,7 @@ impl Wanted {
         let one = match self {
             Self::Flag => return Vec::new(),
             Self::Whole([least, most], _) => (*least).max(0).min((*most).max(0)).to_string(),
-            Self::Real([_, most]) => most.to_string(),
+            Self::Real(_, [_, most]) => most.to_string(),
             Self::Reals(..) | Self::Ball(_) => "0.1".to_owned(),
             Self::Source => "nobody".to_owned(),
             Self::Choice(names) => choices
@@ -378,7 +482,7 @@ impl Wanted {
                 let number = text.parse::<i128>();
                 number.is_ok_and(|number| (*least..=*most).contains(&number))
             }
-            Self::Real([least, most]) => text
+            Self::Real([least, most], _) => text
                 .parse::<f64>()
                 .is_ok_and(|v| (*least..=*most).contains(&v)),
             Self::Reals(most, _) => text.parse::<f64>().is_ok_and(|v| v.abs() <= *most),
@@ -401,10 +505,9 @@ impl Wanted {
     pub(super) fn is_long(&self, text: &str) -> bool {
         match self {
             Self::Whole(_, longest) => text.parse::<i128>().is_ok_and(|number| number > *longest),
-            // A picture a second and slower.
-            Self::Real([least, most]) if *most > 1.0 => {
-                text.parse::<f64>().is_ok_and(|v| v < 10.0 * *least)
-            }
+            Self::Real(_, [least, most]) => text
+                .parse::<f64>()
+                .is_ok_and(|number| !(*least..=*most).contains(&number)),
             _ => false,
         }
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs;
 use std::os::unix::ffi::OsStringExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command as Process;
 use std::time::Duration;
 
@@ -30,6 +30,7 @@ struct Listed {
 /// All that is tried of the command line; what has no rule is named.
 pub(super) fn variants(stack: &Stack) -> (Vec<Variant>, Vec<String>) {
     let (mut all, mut without_rule) = (Vec::new(), Vec::new());
+    make_files(stack);
     for name in listed_commands("") {
         let Some(command) = COMMANDS.iter().find(|command| command.name == name) else {
             without_rule.push(name);
@@ -50,6 +51,30 @@ pub(super) fn variants(stack: &Stack) -> (Vec<Variant>, Vec<String>) {
     }
     all.push(signed_off(stack));
     (all, without_rule)
+}
+
+/// The folder of files that `pcc` has made of the running processes and of a data set.
+fn made(stack: &Stack) -> PathBuf {
+    stack.world.folder().join("made")
+}
+
+fn make_files(stack: &Stack) {
+    let folder = made(stack);
+    fs::create_dir_all(&folder).unwrap();
+    for words in [
+        "record --seconds 0.2 record.mcap",
+        "evaluate --dataset {repository}/tests/data/reference-mixed-sample --planner straight --cases 2 --candidates 2 \
+         --robot {repository}/config/robots/unit.toml --out evaluation",
+    ] {
+        let words = words.replace("{repository}", repository().to_str().unwrap());
+        let made = Process::new(program("pcc"))
+            .args(words.split_whitespace())
+            .envs(environment_of(&stack.world.options))
+            .current_dir(&folder)
+            .output()
+            .unwrap();
+        assert!(made.status.success(), "{made:?}");
+    }
 }
 
 /// A source that is there, whose program has ended, and that is signed off.
@@ -228,16 +253,18 @@ impl Tried<'_> {
     /// The command's good line with an option's values in place of its own.
     fn arguments(&self, option: &str, values: Vec<OsString>) -> Vec<OsString> {
         let repository = repository();
-        let absolute = |text: &str| match text.strip_prefix("repository:") {
-            Some(path) => repository.join(path).into_os_string(),
-            None => OsString::from(text),
+        let made = made(self.stack);
+        let absolute = |text: &str| match text.split_once(':') {
+            Some(("repository", path)) => repository.join(path).into_os_string(),
+            Some(("made", path)) => made.join(path).into_os_string(),
+            _ => OsString::from(text),
         };
         let words = self.command.name.split_whitespace();
         let mut arguments: Vec<OsString> = words.map(OsString::from).collect();
         let is_positional = option.starts_with(['<', '[']);
         for (name, good) in self.command.base {
             if *name != option {
-                arguments.extend((!name.starts_with('<')).then(|| OsString::from(*name)));
+                arguments.extend(name.starts_with('-').then(|| OsString::from(*name)));
                 arguments.extend(good.iter().map(|text| absolute(text)));
             }
         }
