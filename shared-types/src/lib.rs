@@ -19,4 +19,4 @@ pub mod message;
 pub mod valid;
 
 /// The version of every message in this crate; a request of another version is answered with `wrong version`.
-pub const PROTOCOL_VERSION: u32 = 6;
+pub const PROTOCOL_VERSION: u32 = 7;

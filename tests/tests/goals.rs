@@ -28,6 +28,7 @@ fn given(goal: Goal) -> StandingGoal {
         goal,
         tip_velocity_m_s: [0.0; 3],
         limits_scale: 1.0,
+        robot_hash: None,
         is_withdrawn: false,
     }
 }

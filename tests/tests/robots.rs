@@ -3,8 +3,9 @@
 
 use std::fs;
 
-use shared_types::codes::{LoopState, Outcome, Waiting};
-use shared_types::valid::{Goal, PlanRequest, PlannedExecution};
+use client::GoalSender;
+use shared_types::codes::{GoalState, LoopState, Outcome, Waiting};
+use shared_types::valid::{Goal, GoalStatus, PlanRequest, PlannedExecution};
 use tests::process::wait_for;
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
@@ -67,6 +68,25 @@ fn a_daemon_refuses_a_client_that_is_set_up_for_another_robot() {
     let execution = PlannedExecution::now(1, None);
     let refused = stack.client.execute_planned(&execution, PATIENCE).unwrap();
     assert_eq!(refused.report().outcome, Outcome::WrongRobot);
+}
+
+#[test]
+fn a_daemon_refuses_a_goal_of_a_program_that_is_set_up_for_another_robot() {
+    let stack = stack(&[]);
+    let own = stack.world.robot.hash();
+    let mut sender = GoalSender::connect(&stack.world.options).unwrap();
+    sender.state_robot(own ^ 1);
+    sender.give(Goal::tip([1.0, 0.0, 2.4]), 1.0).unwrap();
+    let status = sender.confirm(PATIENCE).unwrap();
+    assert_eq!(status.state, GoalState::Refused, "{status}");
+    let said = status.to_string();
+    for named in [own, own ^ 1].map(|hash| format!("{hash:016x}")) {
+        assert!(said.contains(&named), "{said}");
+    }
+    sender.state_robot(own);
+    sender.give(Goal::tip([1.0, 0.0, 2.4]), 1.0).unwrap();
+    let reached = |status: &GoalStatus| status.state == GoalState::Reached;
+    assert!(sender.wait_for(PATIENCE, reached).unwrap().is_some());
 }
 
 #[test]

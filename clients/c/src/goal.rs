@@ -7,7 +7,7 @@ use shared_types::valid;
 
 use crate::controller::tell;
 use crate::error::{Failure, Outcome, or_fail};
-use crate::pointer::{free, give, options, read, write};
+use crate::pointer::{free, give, options, read, robot, write};
 
 /// Gives the daemon a goal, moves it, and hears what becomes of it.
 pub struct GoalSender(client::GoalSender);
@@ -26,6 +26,18 @@ pub extern "C" fn pcc_goal_connect(prefix: *const c_char, root: *const c_char) -
 #[unsafe(no_mangle)]
 pub extern "C" fn pcc_goal_free(sender: *mut GoalSender) {
     free(sender);
+}
+
+/// States the robot file that this program is set up for: a daemon that plans for another robot refuses every goal that is given from now
+/// on. 0, or -1 where the file is none.
+#[unsafe(no_mangle)]
+pub extern "C" fn pcc_goal_state_robot(sender: *mut GoalSender, robot_file: *const c_char) -> i32 {
+    let state = || {
+        let GoalSender(sender) = write(sender, "sender")?;
+        sender.state_robot(robot(robot_file)?.hash());
+        Ok(0)
+    };
+    or_fail(state(), -1)
 }
 
 /// Gives another goal, to be reached with a share of the tendon limits (1e-9 to 1); it takes the place of every earlier one. 0, or -1 where

@@ -31,8 +31,8 @@ pub use follower::{
     pcc_follower_report, pcc_follower_shut_down,
 };
 pub use goal::{
-    GoalSender, pcc_goal_connect, pcc_goal_free, pcc_goal_give, pcc_goal_move, pcc_goal_status,
-    pcc_goal_withdraw,
+    GoalSender, pcc_goal_connect, pcc_goal_free, pcc_goal_give, pcc_goal_move,
+    pcc_goal_state_robot, pcc_goal_status, pcc_goal_withdraw,
 };
 pub use plan::{
     Answer, Client, pcc_answer_free, pcc_answer_knots, pcc_answer_report, pcc_client_connect,

@@ -1,10 +1,12 @@
 //! A goal that the daemon keeps the robot on its way to.
 
+use std::path::PathBuf;
+
 use ::client::GoalSender;
 use pyo3::prelude::*;
 
 use crate::error::raised;
-use crate::request::{goal, options};
+use crate::request::{goal, options, robot};
 
 /// Gives the daemon a goal that stays, moves it, and hears what becomes of it.
 #[pyclass(unsendable, module = "pcc")]
@@ -13,11 +15,17 @@ pub(crate) struct Goal(GoalSender);
 #[pymethods]
 impl Goal {
     #[new]
-    #[pyo3(signature = (prefix=None, root=None))]
-    fn new(prefix: Option<String>, root: Option<String>) -> PyResult<Self> {
-        GoalSender::connect(&options(prefix, root))
-            .map(Self)
-            .map_err(raised)
+    #[pyo3(signature = (prefix=None, root=None, robot_file=None))]
+    fn new(
+        prefix: Option<String>,
+        root: Option<String>,
+        robot_file: Option<PathBuf>,
+    ) -> PyResult<Self> {
+        let mut sender = GoalSender::connect(&options(prefix, root)).map_err(raised)?;
+        if let Some(file) = robot_file {
+            sender.state_robot(robot(&file)?.hash());
+        }
+        Ok(Self(sender))
     }
 
     /// Gives another goal; it takes the place of every earlier one.

@@ -29,6 +29,8 @@ pub struct GoalSender {
     topic: Topic<message::StandingGoal>,
     statuses: Subscriber<message::GoalStatus>,
     asked: EventNotifier,
+    /// The robot that this program is set up for, if it says.
+    robot_hash: Option<u64>,
     /// What was sent last.
     sent: Option<StandingGoal>,
     /// The newest status of the goal that was given last.
@@ -50,11 +52,18 @@ impl GoalSender {
             topic,
             statuses: guest_subscriber(&node, &goal_status_service(&node)?)?,
             asked: event_notifier(&node, &plan_asked_event(&node)?)?,
+            robot_hash: None,
             sent: None,
             latest: None,
             cleaner: Cleaner::new(),
             node,
         })
+    }
+
+    /// States, in every goal given from now on, which robot this program is set up for: the hash of its robot file, as in
+    /// [`message::RobotDescription::robot_hash`]. A daemon that plans for another robot refuses it (state refused).
+    pub fn state_robot(&mut self, robot_hash: u64) {
+        self.robot_hash = Some(robot_hash);
     }
 
     /// Waits until a daemon hears goals.
@@ -89,6 +98,7 @@ impl GoalSender {
             goal,
             tip_velocity_m_s: [0.0; 3],
             limits_scale,
+            robot_hash: self.robot_hash,
             is_withdrawn: false,
         })
     }

@@ -103,6 +103,7 @@ mod tests {
             },
             tip_velocity_m_s: velocity,
             limits_scale: 1.0,
+            robot_hash: None,
             is_withdrawn: false,
         }
     }

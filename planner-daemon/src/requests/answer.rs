@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::{LoanError, SendError};
-use pcc_model::{Configuration, UnitRobot};
+use pcc_model::{BitHash, Configuration, UnitRobot};
 use planning::{Candidate, Failure, Plan, PlannerError, Source, select};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::codes::{Outcome, PlanDependence, Stage};
@@ -17,7 +17,7 @@ use super::refusal::Refusal;
 use super::report;
 use super::request_validator::PlanTask;
 use crate::identity::Identity;
-use crate::knots::{self, KnotHash};
+use crate::knots;
 
 /// One answer, complete but for its time of writing and the hash.
 pub(crate) struct Answer {
@@ -227,10 +227,12 @@ impl Answer {
         }
     }
 
-    /// Sets the hash of the knots of an answer that is written nowhere.
+    /// Sets the hash of all candidates' knots.
     pub(super) fn set_hash(&mut self) {
-        let mut hash = KnotHash::new();
-        self.knots().for_each(|knot| hash.add(&knot));
+        let mut hash = BitHash::new();
+        for candidate in &self.candidates {
+            hash.add(candidate.trajectory.knot_hash());
+        }
         self.report.plan_hash = hash.value();
     }
 
@@ -241,14 +243,10 @@ impl Answer {
         let response = request
             .loan_slice_uninit(count)
             .map_err(AnswerError::Loan)?;
-        let (mut knots, mut hash) = (self.knots(), KnotHash::new());
-        let mut response = response.write_from_fn(|_| {
-            let knot = knots.next().unwrap_or(Knot::ZEROED);
-            hash.add(&knot);
-            knot
-        });
+        let mut knots = self.knots();
+        let mut response = response.write_from_fn(|_| knots.next().unwrap_or(Knot::ZEROED));
         drop(knots);
-        self.report.plan_hash = hash.value();
+        self.set_hash();
         self.report.stages_ns[Stage::Write.code() as usize] = nanoseconds(clock.elapsed());
         *response.user_header_mut() = self.report;
         response.send().map_err(AnswerError::Send)

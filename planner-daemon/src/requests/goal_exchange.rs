@@ -10,6 +10,7 @@ use shared_types::message::{self, GoalStatus, ReasonText};
 use shared_types::valid::{Invalid, MotionResult, StandingGoal};
 
 use super::answer::Answer;
+use super::refusal::check_robot;
 use crate::goal_keeping::{GoalKeeper, GoalPorts, PlanResult, PublishedMotion};
 
 /// Time between two messages on the status of a goal that does not change, nanoseconds.
@@ -23,6 +24,7 @@ const MOST_REFUSED: usize = 16;
 pub(super) struct GoalExchange {
     pub(super) keeper: GoalKeeper,
     ports: GoalPorts,
+    robot_hash: u64,
     told: GoalStatus,
     told_mono_ns: i64,
     /// What is still to be said of goals that do not count, one for each goal.
@@ -35,10 +37,15 @@ impl GoalExchange {
     ///
     /// # Errors
     /// [`IpcError`].
-    pub(super) fn open(node: &IpcNode, robot: &UnitRobot) -> Result<Self, IpcError> {
+    pub(super) fn open(
+        node: &IpcNode,
+        robot: &UnitRobot,
+        robot_hash: u64,
+    ) -> Result<Self, IpcError> {
         Ok(Self {
             keeper: GoalKeeper::new(robot.clone()),
             ports: GoalPorts::open(node)?,
+            robot_hash,
             told: GoalStatus::ZEROED,
             told_mono_ns: 0,
             refused: VecDeque::new(),
@@ -70,7 +77,7 @@ impl GoalExchange {
         for wire in self.ports.goals() {
             // The clock is read after the message came, which may be stamped this very moment.
             let before = self.keeper.status();
-            let refused = match read(&wire, mono_now_ns()) {
+            let refused = match read(&wire, self.robot_hash, mono_now_ns()) {
                 Ok(goal) => match self.keeper.give(goal) {
                     Ok(stop) => {
                         stopped = stop.or(stopped);
@@ -132,8 +139,13 @@ fn note_refused(refused: &mut VecDeque<GoalStatus>, status: GoalStatus) {
 }
 
 /// A goal that is acceptable now.
-fn read(wire: &message::StandingGoal, now_mono_ns: i64) -> Result<StandingGoal, String> {
+fn read(
+    wire: &message::StandingGoal,
+    robot_hash: u64,
+    now_mono_ns: i64,
+) -> Result<StandingGoal, String> {
     let goal = StandingGoal::try_from(wire).map_err(|invalid: Invalid| invalid.to_string())?;
+    check_robot("goal", goal.robot_hash, robot_hash).map_err(|refusal| refusal.reason)?;
     if goal.stamp_mono_ns > now_mono_ns {
         return Err(format!(
             "stamp_mono_ns is {}, now is {now_mono_ns}: it is of another clock than this machine's CLOCK_MONOTONIC; now or earlier is \

@@ -69,10 +69,10 @@ pub(crate) struct KeptPlan {
     pub(crate) candidates: Vec<KeptCandidate>,
 }
 
-/// The last [`RECENT_PLANS`] plans that had candidates, with the paths from which a request can go on.
+/// The last [`RECENT_PLANS`] plans that had candidates.
 #[derive(Debug, Default)]
 pub(crate) struct RecentPlans {
-    plans: VecDeque<(KeptPlan, PreviousPlan)>,
+    plans: VecDeque<KeptPlan>,
 }
 
 impl RecentPlans {
@@ -84,12 +84,7 @@ impl RecentPlans {
         if self.plans.len() == RECENT_PLANS {
             self.plans.pop_front();
         }
-        let motions = plan.candidates.iter().map(|c| &c.candidate.trajectory);
-        let previous = PreviousPlan {
-            paths: motions.map(|motion| motion.sample(WAYPOINTS)).collect(),
-            followed: plan.selected,
-        };
-        self.plans.push_back((plan, previous));
+        self.plans.push_back(plan);
     }
 
     /// Whether a request can go on from a plan.
@@ -99,10 +94,11 @@ impl RecentPlans {
 
     /// The plan that a request goes on from, with the motion that is followed.
     pub(crate) fn previous(&self, named: &valid::PreviousPlan) -> Result<PreviousPlan, Refusal> {
-        let (_, previous) = self.find(named)?;
+        let plan = self.find(named)?;
+        let motions = plan.candidates.iter().map(|c| &c.candidate.trajectory);
         Ok(PreviousPlan {
-            paths: previous.paths.clone(),
-            followed: named.candidate.or(previous.followed),
+            paths: motions.map(|motion| motion.sample(WAYPOINTS)).collect(),
+            followed: named.candidate.or(plan.selected),
         })
     }
 
@@ -111,7 +107,7 @@ impl RecentPlans {
         &self,
         named: &valid::PreviousPlan,
     ) -> Result<(&KeptPlan, usize), Refusal> {
-        let (plan, _) = self.find(named)?;
+        let plan = self.find(named)?;
         let index = named.candidate.or(plan.selected).ok_or_else(|| {
             let (id, last) = (plan.plan_id, plan.candidates.len() - 1);
             let reason = format!("no candidate of plan {id} was selected; 0..={last} are allowed");
@@ -121,16 +117,16 @@ impl RecentPlans {
     }
 
     /// The plan that is named, which has the candidate if one is named, too.
-    fn find(&self, named: &valid::PreviousPlan) -> Result<&(KeptPlan, PreviousPlan), Refusal> {
+    fn find(&self, named: &valid::PreviousPlan) -> Result<&KeptPlan, Refusal> {
         let id = named.plan_id;
-        let known = self.plans.iter().find(|(plan, _)| plan.plan_id == id);
+        let known = self.plans.iter().find(|plan| plan.plan_id == id);
         let known = known.ok_or_else(|| {
             let reason = format!(
                 "previous_plan_id {id} is none of the last {RECENT_PLANS} plans with candidates"
             );
             Refusal::field(PlanField::PreviousPlan, reason)
         })?;
-        let count = known.0.candidates.len();
+        let count = known.candidates.len();
         if let Some(index) = named.candidate.filter(|index| *index >= count) {
             let last = count - 1;
             let reason = format!("previous_candidate is {index}; plan {id} has 0..={last}");

@@ -30,13 +30,13 @@ impl Refusal {
     }
 }
 
-/// Refuses a request for another robot than this daemon's.
-pub(super) fn check_robot(stated: u64, own: u64) -> Result<(), Refusal> {
-    if [0, own].contains(&stated) {
+/// Refuses what is asked, a request or a goal, for another robot than this daemon's.
+pub(super) fn check_robot(asked: &str, stated: Option<u64>, own: u64) -> Result<(), Refusal> {
+    let Some(stated) = stated.filter(|stated| *stated != own) else {
         return Ok(());
-    }
+    };
     let reason = format!(
-        "the request is for robot {stated:016x}, this daemon plans for robot {own:016x}: their robot files differ"
+        "the {asked} is for robot {stated:016x}, this daemon plans for robot {own:016x}: their robot files differ"
     );
     Err(Refusal::new(Outcome::WrongRobot, reason))
 }

@@ -76,7 +76,7 @@ impl Service {
         queued_per_client: usize,
     ) -> Result<Self, IpcError> {
         let plan = plan_service(node, &validator.capacity)?;
-        let goal = GoalExchange::open(node, runner.robot())?;
+        let goal = GoalExchange::open(node, runner.robot(), identity.robot_hash)?;
         Ok(Self {
             goal,
             server: plan_server(node, &plan, &validator.capacity)?,
@@ -172,8 +172,12 @@ impl Service {
         let received = Instant::now();
         let copy = *active.payload();
         let asked = Asked::try_from(&copy).map_err(Refusal::from);
-        let robot_hash = self.identity.robot_hash;
-        match asked.and_then(|it| check_robot(copy.robot_hash, robot_hash).map(|()| it)) {
+        let own = self.identity.robot_hash;
+        let is_for_it = |asked: Asked| {
+            check_robot("request", asked.robot_hash(), own)?;
+            Ok(asked)
+        };
+        match asked.and_then(is_for_it) {
             Err(refusal) => self.refuse(&Asker::Client(active), copy.request_id, &refusal),
             Ok(Asked::Execution(execution)) => self.execute_planned(&active, &execution),
             Ok(Asked::Plan(asked)) => match self.validator.validate(&asked, &self.plans) {

@@ -7,7 +7,7 @@ use super::wire::wire_message;
 
 wire_message! {
     /// An order (service `command`, server: the controller's guard thread).
-    pub struct Command: "pcc.v6.Command", 200 bytes {
+    pub struct Command: "pcc.v7.Command", 200 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// [`crate::codes::CommandKind`].
@@ -27,7 +27,7 @@ wire_message! {
 
 wire_message! {
     /// The reply to an order.
-    pub struct CommandReply: "pcc.v6.CommandReply", 192 bytes {
+    pub struct CommandReply: "pcc.v7.CommandReply", 192 bytes {
         /// The sender's number of the command that this answers.
         pub command_id: u64,
         /// [`crate::PROTOCOL_VERSION`] of the controller.

@@ -8,7 +8,7 @@ use crate::capacity::{DOF, HISTOGRAM_BINS, TENDONS};
 
 wire_message! {
     /// State of the controller (service `controller_state`, one publisher: its relay thread, about 50 Hz).
-    pub struct ControllerState: "pcc.v6.ControllerState", 832 bytes {
+    pub struct ControllerState: "pcc.v7.ControllerState", 832 bytes {
         /// Time of the cycle that the message describes, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// Identifies the process among all that had this role since the machine was booted: its start time, nanoseconds of
@@ -91,7 +91,7 @@ wire_message! {
 
 wire_message! {
     /// One cycle of the loop (service `cycle`: slices of them, every cycle exactly once).
-    pub struct Cycle: "pcc.v6.Cycle", 408 bytes {
+    pub struct Cycle: "pcc.v7.Cycle", 408 bytes {
         /// Counts the loop's cycles.
         pub sequence: u64,
         /// Time at which the trajectory was evaluated, nanoseconds of `CLOCK_MONOTONIC`.

@@ -6,7 +6,7 @@ use super::wire::wire_message;
 
 wire_message! {
     /// A process is alive and its work goes on (service `heartbeat`, at least 50 Hz).
-    pub struct Heartbeat: "pcc.v6.Heartbeat", 32 bytes {
+    pub struct Heartbeat: "pcc.v7.Heartbeat", 32 bytes {
         /// When the heartbeat was sent, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// Identifies the process among all that had this role since the machine was booted: its start time, nanoseconds of

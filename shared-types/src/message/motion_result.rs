@@ -8,7 +8,7 @@ use super::wire::wire_message;
 wire_message! {
     /// How a trajectory ended that the controller has received (service `motion_result`, one publisher: the controller's relay thread;
     /// history 8). Each has exactly one, in the order in which they ended.
-    pub struct MotionResult: "pcc.v6.MotionResult", 248 bytes {
+    pub struct MotionResult: "pcc.v7.MotionResult", 248 bytes {
         /// When it ended, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// [`super::ControllerState::instance`] of the controller.

@@ -11,7 +11,7 @@ pub const NONE_SELECTED: u32 = u32::MAX;
 
 wire_message! {
     /// An obstacle at rest.
-    pub struct Ball: "pcc.v6.Ball", 32 bytes {
+    pub struct Ball: "pcc.v7.Ball", 32 bytes {
         /// Centre in the base frame, metres.
         pub centre_m: [f64; 3],
         /// Radius, metres, not negative.
@@ -21,7 +21,7 @@ wire_message! {
 
 wire_message! {
     /// A goal of a plan request.
-    pub struct Goal: "pcc.v6.Goal", 88 bytes {
+    pub struct Goal: "pcc.v7.Goal", 88 bytes {
         /// [`crate::codes::GoalKind`], as wide as the numbers that follow.
         pub kind: u64,
         /// The tip to reach in the base frame, metres, if the goal is a tip.
@@ -35,7 +35,7 @@ wire_message! {
 
 wire_message! {
     /// A plan request (service `plan`).
-    pub struct PlanRequest: "pcc.v6.PlanRequest", 3008 bytes {
+    pub struct PlanRequest: "pcc.v7.PlanRequest", 3008 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Candidates wanted, 1..=64; the daemon's own limit may be lower.
@@ -100,7 +100,7 @@ wire_message! {
 
 wire_message! {
     /// One certified candidate of a plan.
-    pub struct CandidateSummary: "pcc.v6.CandidateSummary", 56 bytes {
+    pub struct CandidateSummary: "pcc.v7.CandidateSummary", 56 bytes {
         /// Index in the answer's slice at which the candidate's knots begin.
         pub first_knot: u32,
         /// Number of the candidate's knots.
@@ -124,7 +124,7 @@ wire_message! {
 
 wire_message! {
     /// The answer's user header: what happened, how long it took, and where each candidate's knots are.
-    pub struct PlanReport: "pcc.v6.PlanReport", 3896 bytes {
+    pub struct PlanReport: "pcc.v7.PlanReport", 3896 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the daemon.
         pub protocol_version: u32,
         /// [`crate::codes::Outcome`].

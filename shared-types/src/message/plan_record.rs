@@ -8,7 +8,7 @@ use crate::capacity::DOF;
 
 wire_message! {
     /// A request, of a client or of the daemon itself for the goal that stays, and its whole answer but for the knots (service `plan_record`).
-    pub struct PlanRecord: "pcc.v6.PlanRecord", 6984 bytes {
+    pub struct PlanRecord: "pcc.v7.PlanRecord", 6984 bytes {
         /// Number of the record among those of this daemon, from 1, without gaps.
         pub sequence: u64,
         /// When it was answered, nanoseconds of `CLOCK_MONOTONIC`.

@@ -10,7 +10,7 @@ use crate::capacity::REASON_BYTES;
 
 wire_message! {
     /// A UTF-8 text that says for people why something is as a code beside it says; empty where there is no more to say.
-    pub struct ReasonText: "pcc.v6.ReasonText", 168 bytes {
+    pub struct ReasonText: "pcc.v7.ReasonText", 168 bytes {
         /// Bytes of `utf8` in use.
         pub length: u32,
         /// The text.

@@ -11,7 +11,7 @@ const MATRIX: usize = TENDONS * DOF;
 
 wire_message! {
     /// The robot that the daemon plans for (service `robot_description`, each second; who comes late gets the last one).
-    pub struct RobotDescription: "pcc.v6.RobotDescription", 624 bytes {
+    pub struct RobotDescription: "pcc.v7.RobotDescription", 624 bytes {
         /// When it was sent, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// [`super::Heartbeat::instance`] of the sender.

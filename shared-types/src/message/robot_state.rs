@@ -7,7 +7,7 @@ use crate::capacity::{DOF, TENDONS};
 
 wire_message! {
     /// State of the motor end (service `robot_state`, one publisher: the robot, 1 kHz).
-    pub struct RobotState: "pcc.v6.RobotState", 312 bytes {
+    pub struct RobotState: "pcc.v7.RobotState", 312 bytes {
         /// Counts the publisher's states, from 1.
         pub sequence: u64,
         /// Time of the measurement, nanoseconds of `CLOCK_MONOTONIC`.

@@ -8,7 +8,7 @@ use crate::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
 
 wire_message! {
     /// An obstacle that keeps its velocity.
-    pub struct MovingBall: "pcc.v6.MovingBall", 56 bytes {
+    pub struct MovingBall: "pcc.v7.MovingBall", 56 bytes {
         /// Centre in the base frame at the scene's stamp, metres.
         pub centre_m: [f64; 3],
         /// Radius, metres, not negative.
@@ -22,7 +22,7 @@ wire_message! {
     /// All obstacles that one source knows of (service `scene`, history 1). The newest scene of a source replaces the one before;
     /// the obstacles of all sources count together. Until a publisher that is there was heard, nothing is executed: make its port with
     /// the first scene, and go on calling `update_connections` or `send`, which hand the last scene to a daemon that starts later.
-    pub struct SceneMessage: "pcc.v6.SceneMessage", 57408 bytes {
+    pub struct SceneMessage: "pcc.v7.SceneMessage", 57408 bytes {
         /// Time for which the centres hold, nanoseconds of `CLOCK_MONOTONIC`; not in the future.
         pub stamp_mono_ns: i64,
         /// For how long from the stamp on the scene counts, nanoseconds, 1 ms to an hour. Once it is over and no newer one is there,
@@ -49,7 +49,7 @@ wire_message! {
 wire_message! {
     /// The verdict on a scene (service `scene_status`, publisher: the daemon). Scenes that a newer one of the same publisher
     /// replaced before they were examined get no verdict.
-    pub struct SceneStatus: "pcc.v6.SceneStatus", 232 bytes {
+    pub struct SceneStatus: "pcc.v7.SceneStatus", 232 bytes {
         /// When the scene was judged, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// `stamp_mono_ns` of the scene.

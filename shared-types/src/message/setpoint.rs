@@ -7,7 +7,7 @@ use crate::capacity::TENDONS;
 
 wire_message! {
     /// Tendon set-point (service `setpoint`, one publisher: the controller's loop, every cycle).
-    pub struct Setpoint: "pcc.v6.Setpoint", 240 bytes {
+    pub struct Setpoint: "pcc.v7.Setpoint", 240 bytes {
         /// Counts the publisher's set-points, from 1.
         pub sequence: u64,
         /// Time at which the trajectory was evaluated, nanoseconds of `CLOCK_MONOTONIC`.

@@ -9,7 +9,7 @@ use super::wire::wire_message;
 wire_message! {
     /// A goal that the daemon keeps the robot on its way to (service `goal`; the newest one counts, whoever sent it). Where it moves it is sent
     /// again with another stamp; a stop or a reset after it was given ends it, however often it is sent again.
-    pub struct StandingGoal: "pcc.v6.StandingGoal", 144 bytes {
+    pub struct StandingGoal: "pcc.v7.StandingGoal", 152 bytes {
         /// When the goal was first given, nanoseconds of `CLOCK_MONOTONIC`: it is known by this, and no motion to it begins after a stop or
         /// a reset that was ordered later.
         pub given_mono_ns: i64,
@@ -21,6 +21,9 @@ wire_message! {
         pub tip_velocity_m_s: [f64; 3],
         /// Share of the tendon limits to use, 1e-9 to 1.
         pub limits_scale: f64,
+        /// [`super::RobotDescription::robot_hash`] of the robot file that the sender is set up for: a daemon that plans for another robot
+        /// refuses the goal; 0: it does not say.
+        pub robot_hash: u64,
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// 1: the goal is given up, and the robot brakes along its path; 0: it is not.
@@ -31,7 +34,7 @@ wire_message! {
 wire_message! {
     /// What becomes of the goal that stays (service `goal_status`, publisher: the daemon): at each change, and every 100 ms while there
     /// is a goal.
-    pub struct GoalStatus: "pcc.v6.GoalStatus", 224 bytes {
+    pub struct GoalStatus: "pcc.v7.GoalStatus", 224 bytes {
         /// When this was so, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// [`StandingGoal::given_mono_ns`]; 0: there was none yet.

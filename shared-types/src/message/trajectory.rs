@@ -7,7 +7,7 @@ use crate::capacity::{DOF, MAX_KNOTS};
 
 wire_message! {
     /// One knot of a motion; neighbours are joined by quintic Hermite segments.
-    pub struct Knot: "pcc.v6.Knot", 152 bytes {
+    pub struct Knot: "pcc.v7.Knot", 152 bytes {
         /// Time since the motion's begin, seconds.
         pub time_s: f64,
         /// Configuration ζ, radians: (x, y) bending components of sections 1, 2, 3.
@@ -21,7 +21,7 @@ wire_message! {
 
 wire_message! {
     /// What the controller is to execute (service `trajectory`, history 1).
-    pub struct TrajectoryMessage: "pcc.v6.TrajectoryMessage", 39000 bytes {
+    pub struct TrajectoryMessage: "pcc.v7.TrajectoryMessage", 39000 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Names this trajectory in the controller's state; at least 1, and none that was used in the 497 days before.

@@ -25,6 +25,11 @@ pub(super) fn check_version(found: u32) -> Result<(), Invalid> {
     }
 }
 
+/// The robot that a message is for, if it says.
+pub(super) fn named_robot(robot_hash: u64) -> Option<u64> {
+    (robot_hash != 0).then_some(robot_hash)
+}
+
 pub(super) fn check_count(
     field: &'static str,
     count: u32,

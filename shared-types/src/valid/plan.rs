@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::check::{
     Quantity, check_array, check_code, check_count, check_flag, check_limits_scale,
-    check_optional_stamp, check_radius, check_stamp, check_version, check_within,
+    check_optional_stamp, check_radius, check_stamp, check_version, check_within, named_robot,
 };
 use super::goal::{Goal, goals};
 use super::invalid::{Invalid, Reason, invalid, invalid_at};
@@ -161,7 +161,7 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
             limits_scale: check_limits_scale(wire.limits_scale)?,
             begin_mono_ns: check_optional_stamp("begin_mono_ns", wire.begin_mono_ns)?,
             requested_mono_ns: check_optional_stamp("requested_mono_ns", wire.requested_mono_ns)?,
-            robot_hash: named_robot(wire),
+            robot_hash: named_robot(wire.robot_hash),
             balls: balls(wire)?,
             early_candidate_count: early(wire.early_candidate_count, candidate_count)?,
             previous: previous(wire, sampler)?,
@@ -270,11 +270,6 @@ fn previous(
         return Err(invalid("previous_plan_id", Reason::NotServed { what }));
     }
     named_plan(wire)
-}
-
-/// The robot that a request is for, if it says.
-pub(super) fn named_robot(wire: &message::PlanRequest) -> Option<u64> {
-    (wire.robot_hash != 0).then_some(wire.robot_hash)
 }
 
 /// The earlier plan that a request names, if it does.

@@ -1,8 +1,8 @@
 //! The validated request to execute a candidate of an earlier plan, and its wire form.
 
-use super::check::{check_code, check_count, check_optional_stamp, check_version};
+use super::check::{check_code, check_count, check_optional_stamp, check_version, named_robot};
 use super::invalid::{Invalid, Reason, invalid};
-use super::plan::{PlanRequest, PreviousPlan, check_requested, named_plan, named_robot};
+use super::plan::{PlanRequest, PreviousPlan, check_requested, named_plan};
 use crate::PROTOCOL_VERSION;
 use crate::clock::mono_now_ns;
 use crate::codes::Execute;
@@ -15,6 +15,17 @@ pub enum Asked {
     Plan(Box<PlanRequest>),
     /// The execution of a candidate of an earlier plan.
     Execution(PlannedExecution),
+}
+
+impl Asked {
+    /// [`message::RobotDescription::robot_hash`] of the robot file that the sender is set up for; none: it does not say.
+    #[must_use]
+    pub fn robot_hash(&self) -> Option<u64> {
+        match self {
+            Self::Plan(request) => request.robot_hash,
+            Self::Execution(execution) => execution.robot_hash,
+        }
+    }
 }
 
 impl TryFrom<&message::PlanRequest> for Asked {
@@ -87,7 +98,7 @@ impl TryFrom<&message::PlanRequest> for PlannedExecution {
             plan: plan.ok_or(invalid("previous_plan_id", none_named))?,
             begin_mono_ns: check_optional_stamp("begin_mono_ns", wire.begin_mono_ns)?,
             requested_mono_ns: check_requested(wire)?,
-            robot_hash: named_robot(wire),
+            robot_hash: named_robot(wire.robot_hash),
         })
     }
 }

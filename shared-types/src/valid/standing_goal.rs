@@ -3,7 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::check::{
-    Quantity, check_code, check_flag, check_limits_scale, check_stamp, check_version,
+    Quantity, check_code, check_flag, check_limits_scale, check_stamp, check_version, named_robot,
 };
 use super::goal::{Goal, STANDING, read};
 use super::invalid::{Invalid, Reason, invalid};
@@ -24,6 +24,8 @@ pub struct StandingGoal {
     pub tip_velocity_m_s: [f64; 3],
     /// Share of the tendon limits to use, [`LEAST_LIMITS_SCALE`](super::LEAST_LIMITS_SCALE) to 1.
     pub limits_scale: f64,
+    /// [`message::RobotDescription::robot_hash`] of the robot file that the sender is set up for; none: it does not say.
+    pub robot_hash: Option<u64>,
     /// Whether it is given up.
     pub is_withdrawn: bool,
 }
@@ -38,6 +40,7 @@ impl StandingGoal {
             goal: (&self.goal).into(),
             tip_velocity_m_s: self.tip_velocity_m_s,
             limits_scale: self.limits_scale,
+            robot_hash: self.robot_hash.unwrap_or(0),
             protocol_version: PROTOCOL_VERSION,
             is_withdrawn: u32::from(self.is_withdrawn),
         }
@@ -66,6 +69,7 @@ impl TryFrom<&message::StandingGoal> for StandingGoal {
             goal,
             tip_velocity_m_s: tip_velocity(wire, &goal)?,
             limits_scale: check_limits_scale(wire.limits_scale)?,
+            robot_hash: named_robot(wire.robot_hash),
             is_withdrawn: check_flag("is_withdrawn", wire.is_withdrawn)?,
         })
     }
@@ -131,6 +135,7 @@ mod tests {
             },
             tip_velocity_m_s: [0.1, 0.0, 0.0],
             limits_scale: 0.5,
+            robot_hash: Some(u64::MAX),
             is_withdrawn: false,
         }
         .to_wire()

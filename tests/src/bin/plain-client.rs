@@ -26,10 +26,10 @@ const LOOK: Duration = Duration::from_millis(1);
 /// Nodes of every service, as `shared-types/wire.json` has it for what follows.
 const NODES: usize = 80;
 
-/// `pcc.v6.Heartbeat`.
+/// `pcc.v7.Heartbeat`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
-#[type_name("pcc.v6.Heartbeat")]
+#[type_name("pcc.v7.Heartbeat")]
 struct Heartbeat {
     stamp_mono_ns: i64,
     instance: u64,
@@ -38,10 +38,10 @@ struct Heartbeat {
     pid: u32,
 }
 
-/// `pcc.v6.Command`.
+/// `pcc.v7.Command`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
-#[type_name("pcc.v6.Command")]
+#[type_name("pcc.v7.Command")]
 struct Command {
     protocol_version: u32,
     kind: u32,
@@ -52,19 +52,19 @@ struct Command {
     reason: ReasonText,
 }
 
-/// `pcc.v6.ReasonText`.
+/// `pcc.v7.ReasonText`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
-#[type_name("pcc.v6.ReasonText")]
+#[type_name("pcc.v7.ReasonText")]
 struct ReasonText {
     length: u32,
     utf8: [u8; 164],
 }
 
-/// `pcc.v6.CommandReply`.
+/// `pcc.v7.CommandReply`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
-#[type_name("pcc.v6.CommandReply")]
+#[type_name("pcc.v7.CommandReply")]
 struct CommandReply {
     command_id: u64,
     protocol_version: u32,

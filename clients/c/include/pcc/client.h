@@ -335,6 +335,13 @@ PccGoalSender *pcc_goal_connect(const char *prefix, const char *root);
 void pcc_goal_free(PccGoalSender *sender);
 
 /*
+ States the robot file that this program is set up for: a daemon that plans for another robot refuses every goal that is given from now
+ on. 0, or -1 where the file is none.
+ */
+int32_t pcc_goal_state_robot(PccGoalSender *sender,
+                             const char *robot_file);
+
+/*
  Gives another goal, to be reached with a share of the tendon limits (1e-9 to 1); it takes the place of every earlier one. 0, or -1 where
  it fails.
  */

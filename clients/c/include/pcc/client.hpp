@@ -218,6 +218,8 @@ class Scene {
 class GoalSender {
  public:
   explicit GoalSender(Place place = {}) : sender_(detail::not_null(pcc_goal_connect(place.prefix, place.root))) {}
+  /// States the robot file that this program is set up for: a daemon that plans for another robot refuses every goal given from now on.
+  void state_robot(const char *robot_file) { detail::is_one(pcc_goal_state_robot(sender_.get(), robot_file)); }
   void give(const PccGoal &goal, double limits_scale = 1.0) {
     detail::is_one(pcc_goal_give(sender_.get(), &goal, limits_scale));
   }

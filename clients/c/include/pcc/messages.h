@@ -12,7 +12,7 @@
 #define PCC_ASSERT(condition) _Static_assert(condition, #condition)
 #endif
 
-#define PCC_PROTOCOL_VERSION 6
+#define PCC_PROTOCOL_VERSION 7
 
 /* Degrees of freedom: two bending components a section, three sections. */
 #define PCC_DOF 6u
@@ -1247,19 +1247,22 @@ typedef struct PccStandingGoal {
   double tip_velocity_m_s[3];
   /* Share of the tendon limits to use, 1e-9 to 1. */
   double limits_scale;
+  /* `RobotDescription::robot_hash` of the robot file that the sender is set up for: a daemon that plans for another robot refuses the goal; 0: it does not say. */
+  uint64_t robot_hash;
   /* `PROTOCOL_VERSION` of the sender. */
   uint32_t protocol_version;
   /* 1: the goal is given up, and the robot brakes along its path; 0: it is not. */
   uint32_t is_withdrawn;
 } PccStandingGoal;
-PCC_ASSERT(sizeof(PccStandingGoal) == 144);
+PCC_ASSERT(sizeof(PccStandingGoal) == 152);
 PCC_ASSERT(offsetof(PccStandingGoal, given_mono_ns) == 0);
 PCC_ASSERT(offsetof(PccStandingGoal, stamp_mono_ns) == 8);
 PCC_ASSERT(offsetof(PccStandingGoal, goal) == 16);
 PCC_ASSERT(offsetof(PccStandingGoal, tip_velocity_m_s) == 104);
 PCC_ASSERT(offsetof(PccStandingGoal, limits_scale) == 128);
-PCC_ASSERT(offsetof(PccStandingGoal, protocol_version) == 136);
-PCC_ASSERT(offsetof(PccStandingGoal, is_withdrawn) == 140);
+PCC_ASSERT(offsetof(PccStandingGoal, robot_hash) == 136);
+PCC_ASSERT(offsetof(PccStandingGoal, protocol_version) == 144);
+PCC_ASSERT(offsetof(PccStandingGoal, is_withdrawn) == 148);
 
 /* What becomes of the goal that stays (service `goal_status`, publisher: the daemon): at each change, and every 100 ms while there is a goal. */
 typedef struct PccGoalStatus {

@@ -1,5 +1,6 @@
 //! A whole motion: knots joined by quintic segments.
 
+use super::knot_hash::knot_hash;
 use crate::{Knot, QuinticSegment, State};
 use pcc_model::Configuration;
 
@@ -24,6 +25,7 @@ pub enum TrajectoryError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
     knots: Vec<Knot>,
+    knot_hash: u64,
 }
 
 impl Trajectory {
@@ -47,7 +49,10 @@ impl Trajectory {
         {
             return Err(TrajectoryError::TimeOrder(index + 1));
         }
-        Ok(Self { knots })
+        Ok(Self {
+            knot_hash: knot_hash(&knots),
+            knots,
+        })
     }
 
     /// Time of the last knot, s.
@@ -63,6 +68,11 @@ impl Trajectory {
     /// The knots, in order of time.
     pub fn knots(&self) -> &[Knot] {
         &self.knots
+    }
+
+    /// Hash of the knots by their bits: equal motions have equal hashes.
+    pub fn knot_hash(&self) -> u64 {
+        self.knot_hash
     }
 
     /// The knots, without a copy.

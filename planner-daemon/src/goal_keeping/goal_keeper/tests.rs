@@ -24,6 +24,7 @@ fn given(given_mono_ns: i64, goal: Goal) -> StandingGoal {
         goal,
         tip_velocity_m_s: [0.0; 3],
         limits_scale: 1.0,
+        robot_hash: None,
         is_withdrawn: false,
     }
 }
