@@ -16,8 +16,8 @@ use super::request_validator::PlanTask;
 use super::service::Service;
 
 impl Service {
-    /// Hears goals, has what they want planned, and tells what becomes of them; returns whether a plan was asked for.
-    pub(super) fn keep_goal(&mut self) -> bool {
+    /// Hears goals, has what they want planned, and tells what becomes of them.
+    pub(super) fn keep_goal(&mut self) {
         if let Some(id) = self.goal.hear() {
             self.execution.stop(id);
         }
@@ -26,15 +26,12 @@ impl Service {
         self.goal.keeper.hear_orders(self.execution.heard_orders());
         let now = mono_now_ns();
         self.give_up_overtaken_plan(now);
-        let mut is_asked = false;
         if self.goal.keeper.has_goal()
             && let Some(request) = self.goal.keeper.next_plan(&robot, now)
         {
             self.ask_for_goal(request);
-            is_asked = true;
         }
         self.goal.tell(now);
-        is_asked
     }
 
     /// Breaks the plan in work to the goal off where that is elsewhere by now.

@@ -22,7 +22,7 @@ use super::stored_plan::StoredPlan;
 use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
 
-/// Longest wait of a worker for what is done with a selected candidate.
+/// Longest wait of a worker for what is done with a selected candidate or a plan.
 const LONGEST_WAIT: Duration = Duration::from_millis(10);
 
 /// A planning job: problem, request and deadline.
@@ -68,11 +68,14 @@ pub(crate) enum PlanOutput {
     Early(Vec<Candidate>),
     /// Where all candidates begin.
     Begins(LateBegin),
-    /// The fastest candidate; the worker that has found it waits until the other part is dropped, and leaves its processor to what is done
-    /// with the candidate.
-    Selected(Candidate, SyncSender<()>),
-    Plan(Planned),
+    /// The fastest candidate.
+    Selected(Candidate, InWork),
+    Plan(Planned, InWork),
 }
+
+/// The worker that has sent an output waits until this is dropped, and leaves its processor to what is done with that: workers without work
+/// look for some before they sleep, some 30 µs.
+pub(crate) struct InWork(#[expect(dead_code, reason = "dropped")] SyncSender<()>);
 
 /// The planner with its output queue; it is idle or runs one job.
 pub(crate) struct PlanRunner {
@@ -97,6 +100,13 @@ impl OutputSender {
         // The receiver is gone when the daemon ends; a service that is not woken polls within a millisecond.
         let _ = self.outputs.send(output);
         let _ = rustix::io::write(&*self.wake, &1_u64.to_ne_bytes());
+    }
+
+    /// Sends an output, and waits until what is done with it is over.
+    fn send_and_wait(&self, output: impl FnOnce(InWork) -> PlanOutput) {
+        let (in_work, is_done) = sync_channel(1);
+        self.send(output(InWork(in_work)));
+        let _ = is_done.recv_timeout(LONGEST_WAIT);
     }
 }
 
@@ -136,7 +146,7 @@ impl PlanRunner {
                 Some(stored) => stored.get_or_store(&job.request, plan),
                 None => plan(),
             };
-            outgoing.send(PlanOutput::Plan(planned));
+            outgoing.send_and_wait(|in_work| PlanOutput::Plan(planned, in_work));
         });
     }
 
@@ -193,9 +203,7 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
     let early_selection = EarlySelection {
         begin: &begin,
         selected: &|candidate| {
-            let (in_work, is_done) = sync_channel(1);
-            outgoing.send(PlanOutput::Selected(candidate, in_work));
-            let _ = is_done.recv_timeout(LONGEST_WAIT);
+            outgoing.send_and_wait(|in_work| PlanOutput::Selected(candidate, in_work));
         },
     };
     let supervision = Supervision {
@@ -249,7 +257,7 @@ mod tests {
 
     fn planned(planning: &PlanRunner) -> Planned {
         match next(planning) {
-            PlanOutput::Plan(planned) => planned,
+            PlanOutput::Plan(planned, _) => planned,
             _ => panic!("nothing early was asked for"),
         }
     }

@@ -234,7 +234,7 @@ impl Service {
             Some(PlanOutput::Early(candidates)) => self.answer_early(candidates),
             Some(PlanOutput::Begins(begin)) => self.begin_at(&begin),
             Some(PlanOutput::Selected(candidate, _in_work)) => self.execute_early(&candidate),
-            Some(PlanOutput::Plan(planned)) => self.answer(planned),
+            Some(PlanOutput::Plan(planned, _in_work)) => self.answer(planned),
             None => return false,
         }
         true

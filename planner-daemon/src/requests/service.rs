@@ -108,23 +108,22 @@ impl Service {
             tracing::warn!("looks and deadlines may be some 50 us late: {error}");
         }
         while !terminated.load(Ordering::Relaxed) {
-            if !self.round() {
-                self.keep_warm();
-                self.pause();
-            }
+            self.round();
+            self.keep_warm();
+            self.pause();
         }
         self.finish();
     }
 
-    /// One round: receives, drops, answers and starts; returns whether anything was done.
-    fn round(&mut self) -> bool {
-        let received = self.receive();
+    /// One round: answers, receives, drops and starts. What comes later ends the pause after it; but requests that a client could not send
+    /// as long as others of its were at work come without an event, so that they are received behind the answers.
+    fn round(&mut self) {
+        while self.take_output() {}
+        self.receive();
         self.drop_cancelled();
         self.answer_expired();
-        let planned = self.take_output();
-        let asked = self.keep_goal();
-        let begun = self.begin_next();
-        received || planned || asked || begun
+        self.keep_goal();
+        while self.begin_next() {}
     }
 
     /// Keeps the workers warm while the robot moves.
@@ -137,7 +136,7 @@ impl Service {
 
     /// Takes the requests that have arrived up only once all are received: as long as so many of a client's are held as it may have at
     /// work, iceoryx2 passes over that client's others, so that a flooding client cannot keep out later ones.
-    fn receive(&mut self) -> bool {
+    fn receive(&mut self) {
         loop {
             match self.server.receive() {
                 Ok(Some(active)) => self.received.push(active),
@@ -152,12 +151,10 @@ impl Service {
             }
         }
         let mut received = mem::take(&mut self.received);
-        let is_any = !received.is_empty();
         for active in received.drain(..) {
             self.accept(active);
         }
         self.received = received;
-        is_any
     }
 
     fn report_receiving(&mut self, error: ReceiveError) {
