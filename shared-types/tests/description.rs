@@ -44,6 +44,8 @@ fn the_tables_of_the_document_are_what_the_types_say() {
     let (written_by_hand, _) = document.split_once(GENERATED).unwrap();
     let whole = format!("{written_by_hand}{GENERATED}{}", markdown::tables());
     expect_file![file].assert_eq(&whole);
+    let version = format!("`pcc.v{PROTOCOL_VERSION}.Name` on the wire, {PROTOCOL_VERSION} being");
+    assert!(written_by_hand.contains(&version), "{version}");
 }
 
 #[test]

@@ -170,7 +170,7 @@ impl ServoBus {
             if answer.packet_id() == id {
                 bytes = answer.parameters().try_into().ok();
             }
-            answer.packet_id() != id
+            answer.packet_id() != id && Instant::now() < deadline
         });
         bytes
     }
@@ -305,7 +305,8 @@ impl ServoBus {
     }
 }
 
-/// The answers that come before a deadline, or before this call where that is later, none for a damaged one, until `wants_more` has enough.
+/// Passes each answer that comes before a deadline, or before this call where that is later, to `wants_more`, none for a damaged one, until that
+/// returns false.
 fn hear(
     bus: &mut Bus<Vec<u8>, Vec<u8>>,
     deadline: Instant,

@@ -98,7 +98,7 @@ impl DrivenRobot {
             Mode::Ramping => warn!(
                 silent_ms = self.reference.silent_s() * 1e3,
                 set_point_age_ms = self.reference.set_point_age_s(self.stamp_ns) * 1e3,
-                "ramping to rest: no set-point, or, after a hold-up of this driver, one that is too far"
+                "ramping to rest: no set-point, one that is too far after a hold-up of this driver, or the driver ends"
             ),
             Mode::Idle | Mode::Following | Mode::AtRestAfterLoss => info!(?mode, "robot"),
         }

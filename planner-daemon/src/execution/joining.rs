@@ -45,7 +45,7 @@ impl Supervisor {
         let Some(switch) = &joining.leaves else {
             return;
         };
-        let progress = left.progress_of_joining(switch, now_mono_ns);
+        let progress = left.progress_of_joining_motion(switch, now_mono_ns);
         let surroundings = Surroundings {
             rules: &self.rules,
             live: &self.live,

@@ -134,7 +134,7 @@ impl Supervisor {
         Ok(Schedule {
             begin_mono_ns: now_mono_ns + (ahead_s / followed.fastest_rate.max(0.05) * 1e9) as i64,
             controller_instance: state.values.instance,
-            progress: left.progress_of_joining(switch, now_mono_ns),
+            progress: left.progress_of_joining_motion(switch, now_mono_ns),
         })
     }
 

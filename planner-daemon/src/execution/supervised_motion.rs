@@ -46,7 +46,7 @@ pub(crate) struct SupervisedMotion {
 pub(crate) enum MotionStatus {
     /// The controller has not begun the motion yet.
     Pending,
-    /// The controller executes the motion, which was here at its state's stamp.
+    /// The controller executes the motion: its place at the state's stamp.
     Executing(Progress),
     /// The controller brakes.
     Stopping,
@@ -134,9 +134,9 @@ impl SupervisedMotion {
     }
 
     /// Where the motion is that leaves this one at a switch.
-    pub(crate) fn progress_of_joining(&self, switch: &Switch, now_mono_ns: i64) -> Progress {
+    pub(crate) fn progress_of_joining_motion(&self, switch: &Switch, now_mono_ns: i64) -> Progress {
         match self.status {
-            MotionStatus::Executing(progress) => progress.of_joining(switch.path_time_s),
+            MotionStatus::Executing(progress) => progress.of_joining_motion(switch.path_time_s),
             _ => Progress::from_begin(now_mono_ns),
         }
     }
@@ -227,8 +227,8 @@ mod tests {
             path_time_s: 1.75,
             state: motion().knots()[0],
         };
-        let next = supervised.progress_of_joining(&switch, now);
-        assert_eq!(next, progress.of_joining(1.75));
+        let joining = supervised.progress_of_joining_motion(&switch, now);
+        assert_eq!(joining, progress.of_joining_motion(1.75));
     }
 
     #[test]

@@ -149,9 +149,10 @@ impl Execution {
                 Timing::from_begin(not_before_mono_ns.map_or(soonest, |begin| begin.max(soonest)))
             }
             ExpectedBegin::InMotion => Timing::from_begin(soonest),
-            ExpectedBegin::AtSwitch(followed, switch) => {
-                followed.progress.of_joining(switch.path_time_s).timing()
-            }
+            ExpectedBegin::AtSwitch(followed, switch) => followed
+                .progress
+                .of_joining_motion(switch.path_time_s)
+                .timing(),
         };
         let expected = ExpectedMotion {
             timing,

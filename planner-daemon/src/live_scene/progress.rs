@@ -26,7 +26,7 @@ impl Progress {
         }
     }
 
-    /// Where a controller's state has its motion.
+    /// The place of the motion that a controller executes, by its state.
     pub(crate) fn told_by(state: &ControllerState) -> Self {
         Self {
             time_s: state.trajectory_time_s,
@@ -36,7 +36,7 @@ impl Progress {
     }
 
     /// The place of a motion that leaves this one at a path time, s: as far before its begin as this one is before that.
-    pub(crate) fn of_joining(self, switch_s: f64) -> Self {
+    pub(crate) fn of_joining_motion(self, switch_s: f64) -> Self {
         Self {
             time_s: self.time_s - switch_s,
             ..self
@@ -82,10 +82,13 @@ mod tests {
         let hurried = slowed.at_full_rate(0.25, 2.0).unwrap();
         assert_eq!(hurried.timing, Timing::passing(0.5, NOW, 1.0));
         assert!((hurried.until_s - 1.3).abs() < 1e-12, "{hurried:?}");
-        let hurried = slowed.of_joining(0.75).at_full_rate(0.25, 2.0).unwrap();
+        let hurried = slowed
+            .of_joining_motion(0.75)
+            .at_full_rate(0.25, 2.0)
+            .unwrap();
         assert_eq!(hurried.timing, Timing::from_begin(NOW + 250_000_000));
         assert!((hurried.until_s - 0.55).abs() < 1e-12, "{hurried:?}");
-        assert_eq!(slowed.of_joining(1.5).at_full_rate(0.25, 2.0), None);
+        assert_eq!(slowed.of_joining_motion(1.5).at_full_rate(0.25, 2.0), None);
         assert_eq!(slowed.at_full_rate(0.25, 0.75).unwrap().until_s, 0.75);
         let full = Progress {
             rate: 1.0,
@@ -101,7 +104,7 @@ mod tests {
             mono_ns: NOW,
             rate: 0.5,
         };
-        let next = next.of_joining(0.75);
+        let next = next.of_joining_motion(0.75);
         assert_eq!((next.time_s, next.passed_s()), (-0.25, 0.0));
         assert_eq!(next.timing(), Timing::passing(-0.25, NOW, 0.5));
     }

@@ -243,7 +243,7 @@ impl Answer {
         let response = request
             .loan_slice_uninit(knots.len())
             .map_err(AnswerError::Loan)?;
-        // In one copy, which does not fetch what the client has read of an earlier answer from its processor's cache first.
+        // One copy writes whole cache lines without first fetching those that the client's processor still holds.
         let mut response = response.write_from_slice(&knots);
         self.set_hash();
         self.report.stages_ns[Stage::Write.code() as usize] = nanoseconds(clock.elapsed());
@@ -253,10 +253,10 @@ impl Answer {
 
     /// All candidates' knots, one candidate after the other.
     fn knots(&self) -> Vec<Knot> {
-        let of_each = || self.candidates.iter().map(|it| it.trajectory.knots());
-        let mut all = Vec::with_capacity(of_each().map(<[_]>::len).sum());
-        for knots in of_each() {
-            all.extend(knots.iter().map(knots::to_wire));
+        let motions = || self.candidates.iter().map(|it| it.trajectory.knots());
+        let mut all = Vec::with_capacity(motions().map(<[_]>::len).sum());
+        for motion in motions() {
+            all.extend(motion.iter().map(knots::to_wire));
         }
         all
     }

@@ -73,8 +73,8 @@ pub(crate) enum PlanOutput {
     Plan(Planned, InWork),
 }
 
-/// The worker that has sent an output waits until this is dropped, and leaves its processor to what is done with that: workers without work
-/// look for some before they sleep, some 30 µs.
+/// Held while an output is handled. The worker that has sent it sleeps until this is dropped, at most [`LONGEST_WAIT`], because workers without
+/// work spin for some 30 µs before they sleep.
 pub(crate) struct InWork(#[expect(dead_code, reason = "dropped")] SyncSender<()>);
 
 /// The planner with its output queue; it is idle or runs one job.

@@ -57,7 +57,11 @@ impl Service {
             }
             Some(_) => None,
         };
-        next.is_some_and(|queued| self.begin(queued, Attempt::FIRST))
+        let Some(queued) = next else {
+            return false;
+        };
+        self.begin(queued, Attempt::FIRST);
+        true
     }
 
     /// Refuses the request that waits for the robot, where it has waited for long enough and another one's plan is made.

@@ -115,12 +115,12 @@ impl Service {
         self.finish();
     }
 
-    /// One round: answers, receives, drops and starts. What comes later ends the pause after it; but requests that a client could not send
-    /// as long as others of its were at work come without an event, so that they are received behind the answers.
+    /// One round. Answers and cancellations come first: requests of a client beyond those that it may have at work are passed over by iceoryx2,
+    /// and no event tells when they can be received.
     fn round(&mut self) {
         while self.take_output() {}
-        self.receive();
         self.drop_cancelled();
+        self.receive();
         self.answer_expired();
         self.keep_goal();
         while self.begin_next() {}
@@ -170,11 +170,11 @@ impl Service {
         let copy = *active.payload();
         let asked = Asked::try_from(&copy).map_err(Refusal::from);
         let own = self.identity.robot_hash;
-        let is_for_it = |asked: Asked| {
+        let of_this_robot = |asked: Asked| {
             check_robot("request", asked.robot_hash(), own)?;
             Ok(asked)
         };
-        match asked.and_then(is_for_it) {
+        match asked.and_then(of_this_robot) {
             Err(refusal) => self.refuse(&Asker::Client(active), copy.request_id, &refusal),
             Ok(Asked::Execution(execution)) => self.execute_planned(&active, &execution),
             Ok(Asked::Plan(asked)) => match self.validator.validate(&asked, &self.plans) {

@@ -70,7 +70,7 @@ impl Trajectory {
         &self.knots
     }
 
-    /// Hash of the knots by their bits: equal motions have equal hashes.
+    /// Hash of the knots: motions that are equal to the bit have equal hashes.
     pub fn knot_hash(&self) -> u64 {
         self.knot_hash
     }

@@ -1,9 +1,9 @@
 //! The examples of a language: each plays its part against the real processes.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use client::ScenePublisher;
 use shared_types::codes::LoopState;
 use shared_types::ipc::{IpcNode, newest, scene_service, subscriber};
@@ -19,6 +19,8 @@ use crate::report::Report;
 pub(super) const TIP_M: [f64; 3] = [1.0, 0.5, 2.3];
 /// How long an example may take that ends by itself.
 pub(super) const LIMIT: Duration = Duration::from_secs(30);
+/// How far from its way rounding may tell a ball, m.
+const ROUNDING_M: f64 = 1e-12;
 
 /// An example by its name, without its ending.
 pub(super) struct Program {
@@ -177,22 +179,41 @@ impl Examples {
 
     fn publish_scene(&self, report: &mut Report) -> anyhow::Result<()> {
         let stack = Stack::running(&Settings::default())?;
-        let ball = ["3", "0", "1", "0.1", "0.2", "0.05", "-0.1", "2"];
+        let words = ["3", "0", "1", "0.1", "0.2", "0.05", "-0.1", "2"];
+        let numbers: Vec<f64> = words
+            .map(|word| word.parse())
+            .into_iter()
+            .collect::<Result<_, _>>()?;
+        let [x, y, z, radius_m, vx, vy, vz, _] = numbers[..] else {
+            bail!("eight numbers");
+        };
         (self.program)("plan")?;
         let node = IpcNode::create(&stack.world.options, "scenes")?;
         let scenes = subscriber(&node, &scene_service(&node)?)?;
-        let mut publishing = self.start(&stack.world, "scene", &ball)?;
-        let heard = wait_for("a scene", LIMIT, || {
-            let scene = newest(&scenes)?;
-            let [x, y, z] = scene.balls[0].centre_m;
-            let [u, v, w] = scene.balls[0].velocity_m_s;
-            let ball = [x, y, z, scene.balls[0].radius_m, u, v, w];
-            Some((scene.ball_count, ball.map(|it| it.to_string())))
-        })?;
-        let (count, numbers) = heard;
-        let same = count == 1 && numbers.iter().eq(&ball[..7]);
-        let line = self.line("the ball of its scene: centre, radius, velocity");
-        report.check(&line, numbers.join(" "), &ball[..7].join(" "), same);
+        let begun = Instant::now();
+        let mut publishing = self.start(&stack.world, "scene", &words)?;
+        let heard = wait_for("a scene", LIMIT, || newest(&scenes))?;
+        let ball = heard.balls[0];
+        // It moves from the program's start on.
+        let moved_s = (ball.centre_m[0] - x) / vx;
+        let way = [[x, vx], [y, vy], [z, vz]].into_iter().zip(ball.centre_m);
+        let off_m = way.map(|([from, velocity], at)| (from + velocity * moved_s - at).abs());
+        let is_there = (0.0..=begun.elapsed().as_secs_f64()).contains(&moved_s)
+            && off_m.fold(0.0, f64::max) < ROUNDING_M;
+        let is_same = (ball.radius_m, ball.velocity_m_s) == (radius_m, [vx, vy, vz]);
+        report.check(
+            &self.line("the ball of its scene: centre after a time, s; radius, velocity"),
+            format!(
+                "{} balls: {:?} after {moved_s:.4}; {}, {:?}",
+                heard.ball_count, ball.centre_m, ball.radius_m, ball.velocity_m_s
+            ),
+            &format!(
+                "{:?} and as far as it has moved; {radius_m}, {:?}",
+                [x, y, z],
+                [vx, vy, vz]
+            ),
+            heard.ball_count == 1 && is_there && is_same,
+        );
         // While its scenes count nothing hinders a motion.
         let planned = self.plan(&stack.world)?;
         self.is_reached(report, "a motion beside its ball", &planned);

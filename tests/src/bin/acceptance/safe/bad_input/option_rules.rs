@@ -7,7 +7,7 @@ pub(super) enum Wanted {
     Flag,
     /// A whole number of the range; numbers above the last one are right, and take too long to try.
     Whole([i128; 2], i128),
-    /// A number of the first range; what is outside of the second is right, and takes too long to try.
+    /// A number of the first range; one of it outside the second takes too long to try.
     Real([f64; 2], [f64; 2]),
     /// Numbers whose size must not exceed the first; what else a message may call them.
     Reals(f64, &'static [&'static str]),
@@ -35,7 +35,7 @@ pub(super) enum Wanted {
 pub(super) struct Command {
     pub(super) name: &'static str,
     pub(super) family: &'static str,
-    /// Whether it talks to the running processes, of which files that begin with `made:` were made, too.
+    /// Whether it needs the running processes, or a file (`made:`) that was made of them.
     pub(super) is_live: bool,
     /// Whether its good line ends in seconds.
     pub(super) runs: bool,

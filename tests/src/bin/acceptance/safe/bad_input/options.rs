@@ -58,6 +58,7 @@ fn made(stack: &Stack) -> PathBuf {
     stack.world.folder().join("made")
 }
 
+/// Makes the files of which good lines read: a record, and paths of an evaluation.
 fn make_files(stack: &Stack) {
     let folder = made(stack);
     fs::create_dir_all(&folder).unwrap();
@@ -67,13 +68,13 @@ fn make_files(stack: &Stack) {
          --robot {repository}/config/robots/unit.toml --out evaluation",
     ] {
         let words = words.replace("{repository}", repository().to_str().unwrap());
-        let made = Process::new(program("pcc"))
+        let output = Process::new(program("pcc"))
             .args(words.split_whitespace())
             .envs(environment_of(&stack.world.options))
             .current_dir(&folder)
             .output()
             .unwrap();
-        assert!(made.status.success(), "{made:?}");
+        assert!(output.status.success(), "{output:?}");
     }
 }
 
