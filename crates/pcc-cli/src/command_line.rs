@@ -27,7 +27,7 @@ fn read_from<P: CommandFactory + FromArgMatches>(given: &[OsString]) -> Result<P
 
 /// Lets every option take a value that begins with a hyphen, but for paths: the value is then refused as what it is, and not as
 /// an option that nobody meant.
-fn with_hyphens(command: Command) -> Command {
+pub(crate) fn with_hyphens(command: Command) -> Command {
     command
         .mut_args(|option| {
             let is_path = option.get_value_parser().type_id() == TypeId::of::<PathBuf>();

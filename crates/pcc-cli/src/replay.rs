@@ -8,6 +8,7 @@ mod recording;
 
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::Args;
 use pcc_model::Robot;
 use shared_types::ipc::IpcOptions;
@@ -41,6 +42,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         None => {
             goals::report(&recording);
             plans::ask_again(&recording, &IpcOptions::from_env())
+                .with_context(|| arguments.file.display().to_string())
         }
     }
 }

@@ -23,7 +23,7 @@ pub(crate) struct Arguments {
     #[arg(long, conflicts_with_all = ["file", "case", "robot", "out"])]
     live: bool,
     /// Port of 127.0.0.1 for --live (0: any that is free).
-    #[arg(long, requires = "live", default_value_t = 0, value_parser = number::whole(0, u16::MAX))]
+    #[arg(long, requires = "live", conflicts_with = "file", default_value_t = 0, value_parser = number::whole(0, u16::MAX))]
     port: u16,
     /// Scene file whose obstacles are shown, too, and count for the clearance: the one that the daemon has.
     #[arg(long)]

@@ -182,7 +182,7 @@ mod tests {
             ),
             (
                 Reason::WrongVersion { found: 9 },
-                "x is 9; this program speaks 6",
+                "x is 9; this program speaks 7",
             ),
             (
                 Reason::NotServed { what: "that" },

@@ -162,7 +162,7 @@ mod tests {
             (
                 |r| r.protocol_version = 3,
                 PlanField::ProtocolVersion,
-                "speaks 6",
+                "speaks 7",
             ),
             (
                 |r| r.execute = 3,

@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn each_field_is_checked_and_named() {
         let cases: &[BadCase<TrajectoryMessage>] = &[
-            (|t| t.protocol_version = 7, "protocol_version is 7"),
+            (|t| t.protocol_version = 99, "protocol_version is 99"),
             (
                 |t| t.trajectory_id = 0,
                 "trajectory_id is 0; allowed is 1..=4294967295",

@@ -3,6 +3,7 @@
 use super::arguments::Arguments;
 use super::case_sets::file_name;
 use super::figure_name::FigureName;
+use crate::command_line::with_hyphens;
 use crate::sampler::name_of;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Args, Command};
@@ -30,7 +31,7 @@ impl GivenOptions {
 
     /// Of a command line that begins with the command's name.
     fn of(words: impl Iterator<Item = OsString>, out: &Path) -> anyhow::Result<Self> {
-        let command = Arguments::augment_args(Command::new("compare"));
+        let command = with_hyphens(Arguments::augment_args(Command::new("compare")));
         let matches = command.clone().try_get_matches_from(words)?;
         let options = command.get_arguments().filter(|it| {
             let name = it.get_id().as_str();

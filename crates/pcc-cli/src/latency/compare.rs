@@ -3,16 +3,22 @@
 use std::path::Path;
 
 use anyhow::Context;
+use input_files::read_text;
 use serde_json::Value;
 
 use super::summary::{PERCENTILES, Summary};
 
+/// Most bytes of such a file.
+const MOST_BYTES: u64 = 16_000_000;
+
 /// Reads the figures of a file that `--json` wrote.
 pub(super) fn read(file: &Path) -> anyhow::Result<Value> {
-    let text = std::fs::read_to_string(file);
-    let text = text.with_context(|| format!("cannot read {}", file.display()))?;
-    let figures: Value =
-        serde_json::from_str(&text).with_context(|| format!("{} is no JSON", file.display()))?;
+    let text = read_text(file, MOST_BYTES)?;
+    let is_no_json = || {
+        let name = file.display();
+        format!("{name} is no JSON, and a file that `pcc latency --json` wrote is needed")
+    };
+    let figures: Value = serde_json::from_str(&text).with_context(is_no_json)?;
     anyhow::ensure!(
         figures["plans"]["times_ms"].is_object(),
         "{} has no plans.times_ms: a file that `pcc latency --json` wrote is needed",

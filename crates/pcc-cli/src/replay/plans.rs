@@ -31,7 +31,10 @@ struct Replayed {
 /// Where records are missing, the daemon plans for another robot or by other weights, or a plan differs.
 pub(super) fn ask_again(recording: &Recording, options: &IpcOptions) -> anyhow::Result<()> {
     let plans = &recording.plans;
-    ensure!(!plans.is_empty(), "the record has no plans");
+    ensure!(
+        !plans.is_empty(),
+        "the record has no plans; one that `pcc record` wrote while plans were asked for is needed"
+    );
     check_whole(plans)?;
     let mut client = Client::connect(options)?;
     client.wait_for_daemon(TIMEOUT)?;

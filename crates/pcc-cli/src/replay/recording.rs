@@ -1,10 +1,10 @@
 //! What a file of `pcc record` tells that can be replayed.
 
-use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, bail};
 use bytemuck::Pod;
+use input_files::read_bytes;
 use mcap::read::{MessageStream, Options};
 use shared_types::message::{
     Cycle, GoalStatus, Payload, PlanRecord, RobotDescription, SceneMessage, StandingGoal,
@@ -13,6 +13,9 @@ use shared_types::message::{
 
 use super::completeness::Completeness;
 use crate::record::{COUNTS, ENCODING};
+
+/// Most bytes of a record, which is read whole.
+const MOST_BYTES: u64 = 1 << 36;
 
 /// What is replayed, or shown, of a record.
 #[derive(Default)]
@@ -32,7 +35,7 @@ pub(crate) struct Recording {
 
 impl Recording {
     pub(crate) fn read(file: &Path) -> anyhow::Result<Self> {
-        let bytes = fs::read(file).with_context(|| file.display().to_string())?;
+        let bytes = read_bytes(file, MOST_BYTES)?;
         let messages = MessageStream::new_with_options(&bytes, Options::IgnoreEndMagic.into());
         let messages = messages.with_context(|| format!("{} is no MCAP file", file.display()))?;
         let mut recording = Self::default();

@@ -29,7 +29,7 @@ const BAD: &[(Change, PlanField, &str)] = &[
     (
         |r| r.protocol_version = 1,
         PlanField::ProtocolVersion,
-        "speaks 6",
+        "speaks 7",
     ),
     (
         |r| r.candidate_count = 0,

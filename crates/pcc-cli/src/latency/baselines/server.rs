@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::{env, io, thread};
+use std::{env, io, process, thread};
 
 use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
@@ -77,7 +77,7 @@ impl Server {
         let name = transport.to_possible_value().expect("none is skipped");
         let name = name.get_name();
         let options = IpcOptions {
-            prefix: format!("{}-{}", options.prefix, transport as u8),
+            prefix: format!("{}-{}-{}", options.prefix, transport as u8, process::id()),
             root: options.root.clone(),
         };
         let process = Command::new(env::current_exe()?)

@@ -181,7 +181,7 @@ impl Examples {
         let stack = Stack::running(&Settings::default())?;
         let words = ["3", "0", "1", "0.1", "0.2", "0.05", "-0.1", "2"];
         let numbers: Vec<f64> = words
-            .map(|word| word.parse())
+            .map(str::parse)
             .into_iter()
             .collect::<Result<_, _>>()?;
         let [x, y, z, radius_m, vx, vy, vz, _] = numbers[..] else {

@@ -3,9 +3,10 @@
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
-use std::process::Command as Process;
+use std::process::{Command as Process, Stdio};
 use std::time::Duration;
 
 use client::ScenePublisher;
@@ -58,24 +59,31 @@ fn made(stack: &Stack) -> PathBuf {
     stack.world.folder().join("made")
 }
 
-/// Makes the files of which good lines read: a record, and paths of an evaluation.
+/// Makes the files that good lines read: a record of a plan, and paths of an evaluation.
 fn make_files(stack: &Stack) {
     let folder = made(stack);
     fs::create_dir_all(&folder).unwrap();
+    let pcc = |words: &str| {
+        let words = words.replace("{repository}", repository().to_str().unwrap());
+        let mut pcc = Process::new(program("pcc"));
+        pcc.args(words.split_whitespace())
+            .envs(environment_of(&stack.world.options))
+            .current_dir(&folder);
+        pcc
+    };
+    let mut recording = pcc("record --seconds 2 record.mcap");
+    let mut recording = recording.stdout(Stdio::piped()).spawn().unwrap();
+    let mut said = BufReader::new(recording.stdout.take().unwrap());
+    said.read_line(&mut String::new()).unwrap();
     for words in [
-        "record --seconds 0.2 record.mcap",
+        "plan --tip 0.9 0.3 2.4 --start 0 0 0 0 0 0 --candidates 1 --sampler straight --deadline-ms 10000",
         "evaluate --dataset {repository}/tests/data/reference-mixed-sample --planner straight --cases 2 --candidates 2 \
          --robot {repository}/config/robots/unit.toml --out evaluation",
     ] {
-        let words = words.replace("{repository}", repository().to_str().unwrap());
-        let output = Process::new(program("pcc"))
-            .args(words.split_whitespace())
-            .envs(environment_of(&stack.world.options))
-            .current_dir(&folder)
-            .output()
-            .unwrap();
+        let output = pcc(words).output().unwrap();
         assert!(output.status.success(), "{output:?}");
     }
+    assert!(recording.wait().unwrap().success());
 }
 
 /// A source that is there, whose program has ended, and that is signed off.
@@ -326,7 +334,13 @@ fn fault(option: &Listed, value: &str) -> Fault {
 }
 
 /// Options that may be given several times.
-const REPEATED: [&str; 2] = ["--ball", "--configuration"];
+const REPEATED: [&str; 5] = [
+    "--ball",
+    "--configuration",
+    "--planners",
+    "--sets",
+    "--figures",
+];
 
 /// One value too few, one too many, the option twice, its values joined by `=`.
 fn wrong_counts(option: &Listed, wanted: &Wanted) -> Vec<Given> {
@@ -436,7 +450,12 @@ fn wrong_values(option: &Listed, wanted: &Wanted) -> Vec<Given> {
 }
 
 fn fault_of(wanted: &Wanted, option: &Listed, text: &str) -> Fault {
-    let mut fault = fault(option, text.trim());
+    // Of a list its first wrong value.
+    let told = match option.name.as_str() {
+        "--planners" | "--figures" => text.split(',').next().unwrap_or_default(),
+        _ => text,
+    };
+    let mut fault = fault(option, told.trim());
     for alias in wanted.aliases() {
         fault = fault.or_key(alias);
     }
