@@ -129,10 +129,15 @@ fn without_a_daemon_and_with_a_bad_file_it_says_so() {
     let mut stack = Stack::within(world);
     stack.start(Part::Daemon);
     stack.client.wait_for_daemon(PATIENCE).unwrap();
-    let said = pcc(&stack.world, &["latency", "--compare", "/dev/null"], LIMIT);
-    assert!(
-        !said.is_good() && said.text.contains("no JSON"),
-        "{}",
-        said.text
-    );
+    let empty = stack.world.folder().join("empty.json");
+    fs::write(&empty, "").unwrap();
+    let files = [
+        (empty.to_str().unwrap(), "no JSON"),
+        ("/dev/zero", "a regular file is needed"),
+    ];
+    for (file, why) in files {
+        let said = pcc(&stack.world, &["latency", "--compare", file], LIMIT);
+        let is_refused = !said.is_good() && said.text.contains(why);
+        assert!(is_refused, "{}", said.text);
+    }
 }
