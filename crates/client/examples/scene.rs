@@ -2,6 +2,7 @@
 
 use std::env::args;
 use std::error::Error;
+use std::iter::repeat_with;
 use std::time::{Duration, Instant};
 
 use client::ScenePublisher;
@@ -18,8 +19,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut live = ScenePublisher::connect(&IpcOptions::from_env(), "rust-example")?;
     let (begin, mut ball) = (Instant::now(), MovingBall::ZEROED);
     (ball.radius_m, ball.velocity_m_s) = (radius_m, [vx, vy, vz]);
-    while begin.elapsed().as_secs_f64() < seconds {
-        ball.centre_m = [0, 1, 2].map(|i| told[i] + begin.elapsed().as_secs_f64() * told[4 + i]);
+    for elapsed_s in repeat_with(|| begin.elapsed().as_secs_f64()).take_while(|it| *it < seconds) {
+        ball.centre_m = [0, 1, 2].map(|i| told[i] + elapsed_s * told[4 + i]);
         live.publish(&[ball], Duration::from_millis(200))?;
         std::thread::sleep(Duration::from_millis(30));
     }

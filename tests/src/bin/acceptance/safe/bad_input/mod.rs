@@ -13,6 +13,7 @@ mod dataset_files;
 mod datasets;
 mod environment;
 mod keys;
+mod made_files;
 mod models;
 mod npz;
 mod option_rules;
