@@ -15,7 +15,7 @@ use crate::{
     TENDONS, TendonVector,
     executive::{
         CycleInput, CycleOutput, Departure, Ending, Executive, ExecutiveSettings, Motion,
-        RobotSample,
+        RobotNews, RobotSample, StopOrigin,
     },
     robot::{RobotConfig, SimulatedMotors},
 };
@@ -145,6 +145,8 @@ pub(crate) struct World {
     pub(crate) stamp_offset_ns: i64,
     /// The guard makes no rounds.
     pub(crate) guard_held_up: bool,
+    /// A stop that the next cycle finds.
+    pub(crate) stop: Option<StopOrigin>,
     pub(crate) stuck_tendon: Option<usize>,
     pub(crate) last: Option<CycleOutput>,
     /// The motions that ended in a cycle: their ids, and how they ended.
@@ -182,6 +184,7 @@ impl World {
             repeats_state: false,
             stamp_offset_ns: 0,
             guard_held_up: false,
+            stop: None,
             stuck_tendon: None,
             last: None,
             ended: Vec::new(),
@@ -269,10 +272,8 @@ impl World {
         self.now_ns += elapsed_ns;
         self.guard_rounds += u64::from(!self.guard_held_up);
         let sample = self.sample.filter(|_| !self.robot_silent);
-        let output = self.executive.step(&CycleInput {
-            robot: sample.as_ref(),
-            ..self.input()
-        });
+        let news = sample.as_ref().map_or(RobotNews::Nothing, RobotNews::State);
+        let output = self.controller_cycle(news);
         while let Some(ended) = self.executive.take_finished() {
             self.last_ended_ns = ended.stamp_ns;
             self.ended.push((ended.motion.id, ended.ending));
@@ -300,15 +301,18 @@ impl World {
         output
     }
 
-    /// What a cycle is told where no state of the robot has come.
-    pub(crate) fn input(&self) -> CycleInput<'static> {
-        CycleInput {
+    /// A cycle of the controller now.
+    pub(crate) fn controller_cycle(&mut self, news: RobotNews<'_>) -> CycleOutput {
+        self.executive.hear_robot(self.now_ns, news);
+        if let Some(origin) = self.stop.take() {
+            // An error says that there is nothing to stop.
+            let _ = self.executive.stop(origin);
+        }
+        self.executive.step(&CycleInput {
             now_ns: self.now_ns,
-            robot: None,
-            robot_state_invalid: false,
             daemon_alive: self.daemon_alive,
             guard_rounds: self.guard_rounds,
-        }
+        })
     }
 
     /// The robot's newest state.

@@ -25,15 +25,22 @@ pub struct RobotSample {
     pub measured_rad: Configuration,
 }
 
-/// The inputs of one cycle.
+/// What has come of the robot since the last cycle.
 #[derive(Clone, Copy, Debug)]
-pub struct CycleInput<'a> {
+pub enum RobotNews<'a> {
+    /// No state.
+    Nothing,
+    /// Its newest state.
+    State(&'a RobotSample),
+    /// A state that is invalid.
+    Invalid,
+}
+
+/// The inputs of one cycle, the robot's news aside.
+#[derive(Clone, Copy, Debug)]
+pub struct CycleInput {
     /// Now, ns of CLOCK_MONOTONIC: the instant for which the set-point is evaluated.
     pub now_ns: i64,
-    /// The robot's newest state, where a new one arrived.
-    pub robot: Option<&'a RobotSample>,
-    /// Whether a robot state arrived that is invalid.
-    pub robot_state_invalid: bool,
     /// Whether the daemon's heartbeats arrive.
     pub daemon_alive: bool,
     /// Rounds of the guard thread so far; while they go on, stops and the loss of the daemon are noticed.

@@ -32,7 +32,7 @@ mod tracking;
 pub use acceptance::{
     AcceptanceContext, BeginWindow, GuardState, check, check_start, check_still_valid,
 };
-pub use cycle::{CycleInput, CycleOutput, RobotSample};
+pub use cycle::{CycleInput, CycleOutput, RobotNews, RobotSample};
 pub use ending::{EndedMotion, Ending, StopOrigin};
 pub use motion::{Departure, Motion};
 pub use pace::{Commanded, Pace, PaceLimits};
@@ -294,10 +294,16 @@ impl Executive {
         Ok(())
     }
 
-    /// One cycle.
-    pub fn step(&mut self, input: &CycleInput<'_>) -> CycleOutput {
-        let elapsed_ns = input.now_ns - self.commanded_ns.unwrap_or(input.now_ns);
+    /// Begins a cycle with what has come of the robot. Stop afterwards: what a robot had ended by itself is not ended by a later stop.
+    pub fn hear_robot(&mut self, now_ns: i64, news: RobotNews<'_>) {
+        self.now_ns = now_ns;
+        self.supervise_robot(news, self.elapsed_ns());
+    }
+
+    /// Ends the cycle with the set-point for now.
+    pub fn step(&mut self, input: &CycleInput) -> CycleOutput {
         self.now_ns = input.now_ns;
+        let elapsed_ns = self.elapsed_ns();
         // Until the machine moves on, the command and its time are the last cycle's.
         let late = self.supervise(input, elapsed_ns);
         self.commanded_ns = Some(input.now_ns);
@@ -307,6 +313,11 @@ impl Executive {
             self.mirror_robot();
         }
         self.output(input.now_ns, late)
+    }
+
+    /// Time since the last cycle, ns.
+    fn elapsed_ns(&self) -> i64 {
+        self.now_ns - self.commanded_ns.unwrap_or(self.now_ns)
     }
 
     fn move_on(&mut self, now_ns: i64, elapsed_ns: i64) {

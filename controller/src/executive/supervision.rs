@@ -3,7 +3,7 @@
 use shared_types::clock::seconds;
 use shared_types::codes::{LoopFault, LoopState, MotorState, Waiting};
 
-use super::{CONSISTENCY_M, CycleInput, Executive, RobotSample, StopOrigin};
+use super::{CONSISTENCY_M, CycleInput, Executive, RobotNews, RobotSample, StopOrigin};
 
 /// A robot state may be stamped this far in the future, ns: robot and loop read the same clock.
 const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
@@ -16,24 +16,31 @@ const GUARD_TIMEOUT_NS: i64 = 100_000_000;
 const ROBOT_REPLY_TIMEOUT_NS: i64 = 200_000_000;
 
 impl Executive {
-    /// Supervises robot, daemon, guard and loop; returns whether this cycle came late.
-    pub(super) fn supervise(&mut self, input: &CycleInput<'_>, elapsed_ns: i64) -> bool {
+    /// Supervises the robot.
+    pub(super) fn supervise_robot(&mut self, news: RobotNews<'_>, elapsed_ns: i64) {
         let counted_ns = elapsed_ns.min(2 * self.settings.period_ns);
         self.robot_silence_ns += counted_ns;
-        if let Some(sample) = input.robot {
-            let paused_ns = elapsed_ns - counted_ns;
-            match self.check_stamp(sample.stamp_ns, input.now_ns, paused_ns) {
-                Ok(()) => self.take_robot_state(sample),
-                Err(reason) => self.refuse_state(reason),
+        match news {
+            RobotNews::Nothing => {}
+            RobotNews::State(sample) => {
+                let paused_ns = elapsed_ns - counted_ns;
+                match self.check_stamp(sample.stamp_ns, self.now_ns, paused_ns) {
+                    Ok(()) => self.take_robot_state(sample),
+                    Err(reason) => self.refuse_state(reason),
+                }
+            }
+            RobotNews::Invalid => {
+                self.refuse_state(Waiting::InvalidRobotState);
+                if self.state != LoopState::Starting {
+                    self.stop_for(LoopFault::InvalidRobotState);
+                }
             }
         }
-        if input.robot_state_invalid {
-            self.refuse_state(Waiting::InvalidRobotState);
-            if self.state != LoopState::Starting {
-                self.stop_for(LoopFault::InvalidRobotState);
-            }
-        }
-        self.watch_robot(input.now_ns);
+        self.watch_robot(self.now_ns);
+    }
+
+    /// Supervises daemon, guard and loop; returns whether this cycle came late.
+    pub(super) fn supervise(&mut self, input: &CycleInput, elapsed_ns: i64) -> bool {
         if !input.daemon_alive {
             // An error says that there is nothing to stop.
             let _ = self.stop(StopOrigin::DaemonLost);

@@ -17,8 +17,8 @@ use super::{
 use crate::{
     arena::LoopMemory,
     executive::{
-        BeginWindow, CycleInput, CycleOutput, Executive, Motion, StopOrigin, TrajectoryRefusal,
-        check_still_valid,
+        BeginWindow, CycleInput, CycleOutput, Executive, Motion, RobotNews, StopOrigin,
+        TrajectoryRefusal, check_still_valid,
     },
 };
 
@@ -65,14 +65,11 @@ impl LoopStep {
         let now_ns = mono_now_ns();
         self.take_motions(now_ns);
         self.take_orders();
+        self.hear_robot(now_ns, robot);
         self.take_stops();
         self.refuse_due_motion(now_ns);
-        let message = robot.newest_state();
-        let sample = message.as_ref().and_then(wire::robot_sample);
         let output = self.executive.step(&CycleInput {
             now_ns,
-            robot: sample.as_ref(),
-            robot_state_invalid: message.is_some() && sample.is_none(),
             daemon_alive: self.link.shared.daemon_alive.load(Ordering::Relaxed),
             guard_rounds: self.link.shared.guard_rounds.load(Ordering::Relaxed),
         });
@@ -84,6 +81,17 @@ impl LoopStep {
         self.give_back();
         self.report(output, (now_ns - deadline_ns).max(0).unsigned_abs());
         output
+    }
+
+    fn hear_robot(&mut self, now_ns: i64, robot: &mut impl RobotSide) {
+        let message = robot.newest_state();
+        let sample = message.as_ref().and_then(wire::robot_sample);
+        let news = match (&message, &sample) {
+            (_, Some(sample)) => RobotNews::State(sample),
+            (Some(_), None) => RobotNews::Invalid,
+            (None, None) => RobotNews::Nothing,
+        };
+        self.executive.hear_robot(now_ns, news);
     }
 
     /// Hands this cycle's report to the relay, which began so much after its deadline.
@@ -150,7 +158,7 @@ impl LoopStep {
         }
     }
 
-    /// Obeys stops, after trajectories and orders: a stop also ends a motion that arrived while the loop was held up.
+    /// Obeys stops, after trajectories, orders and what the robot tells: a stop also ends a motion that arrived while the loop was held up.
     fn take_stops(&mut self) {
         let up_to = self.link.shared.stops();
         if up_to == self.stops_seen {

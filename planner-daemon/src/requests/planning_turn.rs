@@ -137,6 +137,7 @@ impl Service {
             late_switch,
             cancelled: Arc::clone(&cancelled),
         });
+        self.plans.free_older();
         let plan_id = self.next_plan_id;
         self.next_plan_id += 1;
         self.in_flight = Some(InFlight {

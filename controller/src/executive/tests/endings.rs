@@ -77,6 +77,18 @@ fn a_motion_that_a_stalled_loop_finds_ended_is_stamped_with_the_cycle_that_found
 }
 
 #[test]
+fn what_the_robot_ended_is_not_ended_by_a_stop_that_a_stalled_loop_finds_with_it() {
+    let (mut world, left) = executing();
+    join(&mut world, &left);
+    world.without_controller(60 * MS);
+    world.stop = Some(StopOrigin::Signal);
+    world.cycle(MS);
+    let ramped = StopOrigin::Fault(LoopFault::RobotRampedToRest);
+    let ended = [(5, Ending::SetAside(ramped)), (4, Ending::Stopped(ramped))];
+    assert_eq!(world.ended, ended);
+}
+
+#[test]
 fn what_waits_for_its_begin_or_its_switch_is_set_aside_before_the_other_one_ends() {
     let (mut world, left) = executing();
     join(&mut world, &left);

@@ -23,10 +23,10 @@ use crate::spread::median;
 
 /// The other program looks for an answer at least so often, as `pcc` does.
 const LONGEST_SLEEP: Duration = Duration::from_millis(2);
-/// Turns of `pcc latency` and of the other program, and requests of each: many short ones, since the machine is not as fast in one second as
-/// in the next. They are never fewer: of 2,000 requests the ratio is not known to 2 %.
-const TURNS: u64 = 100;
-const REQUESTS: usize = 100;
+/// Turns of `pcc latency` and of the other program, and requests of each: many short ones, since the machine is not as fast in one tenth of a
+/// second as in the next. They are never fewer: of 2,000 requests, or of 10,000 in 100 turns, the ratio is not known to 2 %.
+const TURNS: u64 = 400;
+const REQUESTS: usize = 25;
 /// Requests of `pcc latency` before those that count.
 const WARM_UP: usize = 50;
 /// Difference of the seeds of two turns: more than there are requests in one, so that no request comes twice.
