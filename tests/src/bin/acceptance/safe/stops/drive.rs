@@ -3,7 +3,8 @@
 use std::sync::LazyLock;
 
 use controller::executive::{
-    CycleInput, CycleOutput, Executive, ExecutiveSettings, Motion, RobotSample, StopOrigin,
+    CycleInput, CycleOutput, Executive, ExecutiveSettings, Motion, RobotNews, RobotSample,
+    StopOrigin,
 };
 use controller::service::ControllerConfig;
 use pcc_model::{Configuration, Robot};
@@ -136,10 +137,10 @@ impl Driven {
 
     fn cycle(&mut self) -> CycleOutput {
         self.now_ns += self.draw_elapsed_ns();
+        let news = RobotNews::State(&self.robot);
+        self.executive.hear_robot(self.now_ns, news);
         let output = self.executive.step(&CycleInput {
             now_ns: self.now_ns,
-            robot: Some(&self.robot),
-            robot_state_invalid: false,
             daemon_alive: true,
             guard_rounds: self.now_ns.unsigned_abs(),
         });
