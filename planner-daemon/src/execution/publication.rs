@@ -182,9 +182,7 @@ impl Supervisor {
             message.leaves_trajectory_id = switch.trajectory_id;
             message.leaves_at_s = switch.path_time_s;
         }
-        for (slot, knot) in message.knots.iter_mut().zip(knots) {
-            *slot = knots::to_wire(knot);
-        }
+        message.knots[..knots.len()].copy_from_slice(knots::to_wire(knots));
         match self.publisher.send_copy(message) {
             Ok(_) => Ok(()),
             Err(error) => {

@@ -1,10 +1,11 @@
 //! The answer to a plan request: report and candidates' knots, written into the shared memory that the client reads.
 
+use std::mem::{self, MaybeUninit};
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::{LoanError, SendError};
 use pcc_model::{BitHash, Configuration, UnitRobot};
-use planning::{Candidate, Failure, Plan, PlannerError, Source, select};
+use planning::{Candidate, Plan, Source, select};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::codes::{Outcome, PlanDependence, Stage};
 use shared_types::ipc::PlanActiveRequest;
@@ -16,6 +17,7 @@ use super::recent_plans::{KeptPlan, PlanBegin};
 use super::refusal::Refusal;
 use super::report;
 use super::request_validator::PlanTask;
+use super::verdict::{fault_refusal, verdict};
 use crate::identity::Identity;
 use crate::knots;
 
@@ -68,11 +70,13 @@ impl Answer {
     }
 
     /// The answer to a plan, or to the reason why there is none; lengths in metres.
-    pub(crate) fn of_plan(task: &PlanTask, planned: Planned, robot: &UnitRobot) -> Self {
+    ///
+    /// The plan's candidates are taken. The rest of it is large: free its memory once the answer is sent.
+    pub(crate) fn of_plan(task: &PlanTask, planned: &mut Planned, robot: &UnitRobot) -> Self {
         match planned {
             Ok(plan) => Self::certified(task, plan, robot),
             Err(fault) => {
-                let refusal = fault_refusal(&fault, task, robot);
+                let refusal = fault_refusal(fault, task, robot);
                 Self::refused(task.request_id, &refusal)
             }
         }
@@ -87,8 +91,9 @@ impl Answer {
         );
         let refusal = Refusal::new(Outcome::Early, reason);
         let mut answer = Self::refused(task.request_id, &refusal);
+        let errors = tip_errors(task, &candidates, robot);
         answer.candidates = candidates;
-        answer.summarise(task, robot);
+        answer.summarise(task, robot, &errors);
         answer
     }
 
@@ -103,7 +108,8 @@ impl Answer {
         let refusal = Refusal::new(Outcome::Ok, reason);
         let mut answer = Self::refused(task.request_id, &refusal);
         answer.candidates = vec![handed_over.clone()];
-        answer.summarise(task, robot);
+        let errors = tip_errors(task, &answer.candidates, robot);
+        answer.summarise(task, robot, &errors);
         answer
     }
 
@@ -123,13 +129,11 @@ impl Answer {
         answer
     }
 
-    fn certified(task: &PlanTask, plan: Plan, robot: &UnitRobot) -> Self {
-        let keep: Vec<bool> = plan
-            .candidates
-            .iter()
-            .map(|c| is_deliverable(task, c, robot))
-            .collect();
-        let (outcome, reason) = verdict(task, &plan, &keep);
+    fn certified(task: &PlanTask, plan: &mut Plan, robot: &UnitRobot) -> Self {
+        let errors = tip_errors(task, &plan.candidates, robot);
+        let both = plan.candidates.iter().zip(&errors);
+        let deliverable = both.filter(|(candidate, error)| is_in_bounds(task, candidate, **error));
+        let (outcome, reason) = verdict(task, plan, deliverable.count());
         let mut answer = Self::refused(task.request_id, &Refusal::new(outcome, reason));
         let report = &mut answer.report;
         report.learned_drawn = plan.learned_drawn as u32;
@@ -137,26 +141,26 @@ impl Answer {
         for &stage in Stage::ALL {
             report.stages_ns[stage.code() as usize] = (plan.stages[stage] * 1e9) as u64;
         }
-        let mut kept = keep.into_iter();
-        answer.candidates = plan.candidates;
-        answer.candidates.retain(|_| kept.next() == Some(true));
-        answer.summarise(task, robot);
+        let both = mem::take(&mut plan.candidates).into_iter().zip(errors);
+        let deliverable = both.filter(|(candidate, error)| is_in_bounds(task, candidate, *error));
+        let (candidates, errors): (_, Vec<f64>) = deliverable.unzip();
+        answer.candidates = candidates;
+        answer.summarise(task, robot, &errors);
         answer
     }
 
-    /// Selects among the candidates and fills in their part of the report.
-    fn summarise(&mut self, task: &PlanTask, robot: &UnitRobot) {
+    /// Selects among the candidates, of which these are the tip errors, and fills in their part of the report.
+    fn summarise(&mut self, task: &PlanTask, robot: &UnitRobot, tip_errors: &[f64]) {
         let selected = match task.selection {
             SelectionRule::Index(index) => (index < self.candidates.len()).then_some(index),
             SelectionRule::Best(rule) => select(&self.candidates, &task.problem.start, rule),
         };
         self.report.selected = selected.map_or(NONE_SELECTED, |index| index as u32);
         self.report.candidate_count = self.candidates.len() as u32;
-        let goal_tip = task.problem.goal_tip(robot);
+        let candidates = self.candidates.iter().zip(tip_errors);
         let mut first = 0;
-        for (summary, candidate) in self.report.candidates.iter_mut().zip(&self.candidates) {
-            let tip_error = (robot.tip(&candidate.end()) - goal_tip).norm();
-            *summary = report::summary(candidate, first, tip_error, robot);
+        for (summary, (candidate, error)) in self.report.candidates.iter_mut().zip(candidates) {
+            *summary = report::summary(candidate, first, *error, robot);
             first += candidate.trajectory.knots().len();
         }
         self.report.classical_certified = self.not_learned();
@@ -239,26 +243,37 @@ impl Answer {
     /// Writes the answer into shared memory and sends it.
     pub(crate) fn send(&mut self, request: &PlanActiveRequest) -> Result<(), AnswerError> {
         let clock = Instant::now();
-        let knots = self.knots();
-        let response = request
-            .loan_slice_uninit(knots.len())
+        let motions = || self.candidates.iter().map(|it| it.trajectory.knots());
+        let count = motions().map(<[_]>::len).sum();
+        let mut response = request
+            .loan_slice_uninit(count)
             .map_err(AnswerError::Loan)?;
-        // One copy writes whole cache lines without first fetching those that the client's processor still holds.
-        let mut response = response.write_from_slice(&knots);
+        let mut free = response.payload_mut();
+        for knots in motions() {
+            let (place, rest) = free.split_at_mut(knots.len());
+            write(place, knots::to_wire(knots));
+            free = rest;
+        }
+        // SAFETY: its knots are as many as were loaned, and each is written.
+        #[allow(unsafe_code)]
+        let mut response = unsafe { response.assume_init() };
         self.set_hash();
         self.report.stages_ns[Stage::Write.code() as usize] = nanoseconds(clock.elapsed());
         *response.user_header_mut() = self.report;
         response.send().map_err(AnswerError::Send)
     }
+}
 
-    /// All candidates' knots, one candidate after the other.
-    fn knots(&self) -> Vec<Knot> {
-        let motions = || self.candidates.iter().map(|it| it.trajectory.knots());
-        let mut all = Vec::with_capacity(motions().map(<[_]>::len).sum());
-        for motion in motions() {
-            all.extend(motion.iter().map(knots::to_wire));
-        }
-        all
+/// Writes knots to a place of as many, in one copy: it writes whole cache lines without first fetching those that the client's processor still
+/// holds.
+fn write(place: &mut [MaybeUninit<Knot>], knots: &[Knot]) {
+    assert_eq!(place.len(), knots.len());
+    // SAFETY: the place is another one than the knots', as large, and of the same type.
+    #[allow(unsafe_code)]
+    unsafe {
+        place
+            .as_mut_ptr()
+            .copy_from_nonoverlapping(knots.as_ptr().cast(), knots.len());
     }
 }
 
@@ -268,94 +283,28 @@ fn nanoseconds(duration: Duration) -> u64 {
 
 /// Whether a candidate reaches the goal as closely as the client wants and fits the message and its share of the answer.
 pub(crate) fn is_deliverable(task: &PlanTask, candidate: &Candidate, robot: &UnitRobot) -> bool {
+    let errors = tip_errors(task, std::slice::from_ref(candidate), robot);
+    is_in_bounds(task, candidate, errors[0])
+}
+
+/// Distances of the final tips to the goal's, in sections.
+fn tip_errors(task: &PlanTask, candidates: &[Candidate], robot: &UnitRobot) -> Vec<f64> {
     let goal_tip = task.problem.goal_tip(robot);
-    (robot.tip(&candidate.end()) - goal_tip).norm() <= task.tip_tolerance
+    let error = |candidate: &Candidate| (robot.tip(&candidate.end()) - goal_tip).norm();
+    candidates.iter().map(error).collect()
+}
+
+fn is_in_bounds(task: &PlanTask, candidate: &Candidate, tip_error: f64) -> bool {
+    tip_error <= task.tip_tolerance
         && candidate.trajectory.knots().len() <= task.most_knots(candidate)
         && candidate.trajectory.duration() <= MAX_DURATION_S
-}
-
-/// Outcome and explanation of a plan of which some candidates are delivered.
-fn verdict(task: &PlanTask, plan: &Plan, deliverable: &[bool]) -> (Outcome, String) {
-    let count = deliverable.iter().filter(|&&kept| kept).count();
-    let wanted = task.request.candidates;
-    let failed = failures(plan, deliverable.len() - count);
-    if plan.truncated {
-        let reason = format!(
-            "{count} of {wanted} candidates were certified within {} ms",
-            task.deadline.as_secs_f64() * 1e3
-        );
-        (Outcome::Truncated, reason)
-    } else if count == 0 {
-        let drawn = plan.draws.len() + plan.explored;
-        let reason = format!("none of {drawn} paths was certified: {failed}");
-        (Outcome::NoPath, reason)
-    } else if count < wanted {
-        let reason = format!("{count} of {wanted} candidates: {failed}");
-        (Outcome::Ok, reason)
-    } else {
-        (Outcome::Ok, String::new())
-    }
-}
-
-/// The number of draws for each cause of failure, as text.
-fn failures(plan: &Plan, undeliverable: usize) -> String {
-    let causes = [
-        (Failure::NoPath, "without a path"),
-        (Failure::Goal, "short of the goal"),
-        (Failure::Collision, "not certified free"),
-        (Failure::Bending, "bent too far"),
-        (Failure::Time, "without time parameterization"),
-        (Failure::Slower, "slower than others"),
-        (Failure::Truncated, "truncated"),
-    ];
-    let count = |failure| {
-        let draws = plan.draws.iter();
-        draws
-            .filter(|draw| draw.outcome.as_ref().err() == Some(&failure))
-            .count()
-    };
-    let mut counts: Vec<(usize, &str)> =
-        causes.map(|(failure, text)| (count(failure), text)).into();
-    counts.push((
-        undeliverable,
-        "off the goal, too long or with too many knots",
-    ));
-    let parts = counts.iter().filter(|(count, _)| *count > 0);
-    let parts: Vec<String> = parts
-        .map(|(count, text)| format!("{count} {text}"))
-        .collect();
-    let mut sources = plan.candidates.iter().map(|candidate| candidate.source);
-    if !parts.is_empty() {
-        parts.join(", ")
-    } else if sources.any(|source| source == Source::MovedEnd) {
-        "the end of the motion under way is moved".to_owned()
-    } else {
-        "no more goal configurations".to_owned()
-    }
-}
-
-fn fault_refusal(fault: &PlanError, task: &PlanTask, robot: &UnitRobot) -> Refusal {
-    let outcome = match fault {
-        PlanError::Planner(PlannerError::Infeasible(infeasible)) => {
-            return report::infeasible(infeasible, &task.problem.goal, robot);
-        }
-        PlanError::Planner(PlannerError::InfeasibleVia { index, infeasible }) => {
-            let goals = task.goals();
-            let refusal = report::infeasible(infeasible, &goals[*index].goal, robot);
-            let reason = format!("{} (goal {} of {})", refusal.reason, index + 1, goals.len());
-            return Refusal { reason, ..refusal };
-        }
-        PlanError::Planner(PlannerError::ModelNotLoaded(_)) => Outcome::SamplerNotLoaded,
-        PlanError::Planner(_) | PlanError::Panic(_) => Outcome::NoPath,
-    };
-    Refusal::new(outcome, fault.to_string())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::fixtures::{task, unit_robot};
-    use planning::{Models, Planner};
+    use planning::{Models, Planner, PlannerError};
 
     fn plan(task: &PlanTask, interrupted: bool) -> Plan {
         let planner = Planner::new(unit_robot(), Models::default(), 1).unwrap();
@@ -366,7 +315,7 @@ mod tests {
     }
 
     fn answer(task: &PlanTask, plan: Plan) -> Answer {
-        Answer::of_plan(task, Ok(plan), &unit_robot())
+        Answer::of_plan(task, &mut Ok(plan), &unit_robot())
     }
 
     #[test]
@@ -377,7 +326,8 @@ mod tests {
         assert_eq!(answer.report.reason.text(), "");
         let (index, candidate) = answer.selected().unwrap();
         assert_eq!(index, 0);
-        assert_eq!(candidate.trajectory.knots().len(), answer.knots().len());
+        let knots = candidate.trajectory.knots().len();
+        assert_eq!(answer.report.candidates[0].knot_count as usize, knots);
         assert_eq!(answer.report.classical_certified, 1);
         assert!(answer.report.candidates[0].tip_error_m < 1e-6);
     }
@@ -483,7 +433,7 @@ mod tests {
             ),
             (PlanError::Panic("defect".to_owned()), Outcome::NoPath),
         ] {
-            let answer = Answer::of_plan(&task(), Err(fault), &unit_robot());
+            let answer = Answer::of_plan(&task(), &mut Err(fault), &unit_robot());
             assert_eq!(answer.outcome(), Some(outcome));
             assert!(!answer.report.reason.text().is_empty());
         }

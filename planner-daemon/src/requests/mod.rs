@@ -22,6 +22,7 @@ mod request_validator;
 mod robot_start;
 mod service;
 mod stored_plan;
+mod verdict;
 mod wait_mode;
 
 pub(crate) use lead_times::{LeadTimes, PlanKind, Work};

@@ -311,7 +311,7 @@ impl Service {
         self.in_flight = Some(in_flight);
     }
 
-    fn answer(&mut self, planned: Planned) {
+    fn answer(&mut self, mut planned: Planned) {
         let Some(mut in_flight) = self.in_flight.take() else {
             return;
         };
@@ -321,9 +321,9 @@ impl Service {
         let plan_id = in_flight.plan_id;
         let InFlight { queued, .. } = &in_flight;
         let (task, robot) = (&queued.task, self.runner.robot());
-        let mut answer = match (planned, &in_flight.executed) {
+        let mut answer = match (&mut planned, &in_flight.executed) {
             (Err(fault), Some(executed)) => {
-                Answer::broken_off(task, &executed.candidate, &fault, robot)
+                Answer::broken_off(task, &executed.candidate, fault, robot)
             }
             (planned, _) => Answer::of_plan(task, planned, robot),
         };

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use planning::{Candidate, Draw, Plan, Request, StageTimes};
+use planning::{Candidate, Plan, Request, StageTimes};
 use trajectory::{Knot, Trajectory};
 
 use super::planned::Planned;
@@ -26,26 +26,20 @@ impl StoredPlan {
         }
         let first = plan()?;
         if !first.truncated && !first.candidates.is_empty() {
-            self.0
-                .get_or_init(|| padded_without_paths(&first, request.knots));
+            self.0.get_or_init(|| padded(&first, request.knots));
         }
         Ok(first)
     }
 }
 
-/// What an answer is made from: candidates, as large as they can be, without what they were made from and how long that took.
-fn padded_without_paths(plan: &Plan, knots: usize) -> Plan {
-    let draws = plan.draws.iter().map(|draw| Draw {
-        sampled: None,
-        path: None,
-        ..draw.clone()
-    });
+/// What an answer is made from: candidates, as large as they can be, without what they were chosen from and how long that took.
+fn padded(plan: &Plan, knots: usize) -> Plan {
     let candidates = plan.candidates.iter().map(|candidate| Candidate {
         trajectory: Arc::new(with_knots(&candidate.trajectory, knots)),
         ..candidate.clone()
     });
     Plan {
-        draws: draws.collect(),
+        draws: Vec::new(),
         candidates: candidates.collect(),
         stages: StageTimes::default(),
         ..plan.clone()

@@ -3,7 +3,10 @@
 use pcc_model::Configuration;
 
 /// A stored point of a motion: time in seconds, position in rad, velocity in rad/s, acceleration in rad/s².
-#[derive(Clone, Copy, Debug, PartialEq)]
+///
+/// Its bytes are those of the numbers in this order: as it lies in memory, it travels.
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct Knot {
     /// Seconds since the start of the motion.
     pub time: f64,

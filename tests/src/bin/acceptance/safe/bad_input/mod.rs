@@ -22,6 +22,7 @@ mod proposals;
 mod rules;
 mod shapes;
 mod variant;
+mod wanted;
 mod weights;
 
 use std::collections::BTreeMap;

@@ -15,8 +15,9 @@ use tests::trial::Start;
 
 use super::damage;
 use super::made_files::{environment_of, made, make_files};
-use super::option_rules::{COMMANDS, Command, Wanted};
+use super::option_rules::{COMMANDS, Command};
 use super::variant::{Expected, Fault, Variant};
+use super::wanted::Wanted;
 
 /// An option as the help lists it.
 struct Listed {
@@ -39,11 +40,8 @@ pub(super) fn variants(stack: &Stack) -> (Vec<Variant>, Vec<String>) {
         let tried = Tried { command, stack };
         all.extend(tried.as_a_whole());
         for option in listed_options(&name) {
-            match command
-                .options
-                .iter()
-                .find(|(known, _)| *known == option.name)
-            {
+            let mut rules = command.options.iter();
+            match rules.find(|(known, _)| *known == option.name) {
                 Some((_, wanted)) => all.extend(tried.option(&option, wanted)),
                 None => without_rule.push(format!("{name} {}", option.name)),
             }
