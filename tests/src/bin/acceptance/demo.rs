@@ -40,14 +40,7 @@ pub(crate) fn on_a_clean_clone(
     } else {
         kept
     };
-    if clone.exists() {
-        std::fs::remove_dir_all(&clone)?;
-    }
-    let status = Command::new("git")
-        .args(["clone", "--quiet"])
-        .args([repository().as_path(), clone.as_path()])
-        .status()?;
-    ensure!(status.success(), "git clone: {status}");
+    clean_clone(&clone)?;
     let mut demo = Command::new(clone.join("scripts/demo"));
     demo.current_dir(&clone)
         .args(arguments)
@@ -82,6 +75,19 @@ pub(crate) fn on_a_clean_clone(
         String::from_utf8_lossy(&output.stderr)
     );
     Ok(String::from_utf8(output.stdout)?)
+}
+
+/// The last commit, in a folder of its own.
+pub(crate) fn clean_clone(folder: &Path) -> anyhow::Result<()> {
+    if folder.exists() {
+        std::fs::remove_dir_all(folder)?;
+    }
+    let status = Command::new("git")
+        .args(["clone", "--quiet"])
+        .args([repository().as_path(), folder])
+        .status()?;
+    ensure!(status.success(), "git clone: {status}");
+    Ok(())
 }
 
 /// Judges a recording and what was printed beside it.

@@ -13,6 +13,7 @@ mod servo_faults;
 mod servos;
 mod stamps;
 mod transport;
+mod wire_changes;
 
 use self::examples::Examples;
 use crate::report::Report;
@@ -25,6 +26,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     |report, scale| of_language(&languages::cpp(), report, scale),
     |report, scale| of_language(&languages::python(), report, scale),
     plain_python::run,
+    |report, _| wire_changes::run(report),
     |report, _| guides::run(report),
     servos::run,
     |report, _| servo_faults::run(report),
