@@ -14,6 +14,7 @@
 mod carried;
 mod error;
 mod event;
+mod half_made_node;
 mod heartbeats;
 mod live;
 mod memory;

@@ -1,4 +1,5 @@
-//! Removes shared memory whose maker was killed before it had a size, or before it could remove its node counter.
+//! Removes shared memory whose maker was killed before it had a size, or before it could remove its node counter, and nodes that were killed
+//! while they were made ([`super::half_made_node`]).
 //!
 //! Programs that have only iceoryx2 0.10.0 wait for such memory without end, whatever its time limits say: the case
 //! `MappingSizeIsZero` of `open_impl` in `iceoryx2-cal/src/dynamic_storage/posix_shared_memory.rs` is the only one without a limit.
@@ -9,12 +10,12 @@
 //! A maker that was only stopped keeps what it makes: it has it open ([`super::write_lease`]).
 
 use std::collections::HashMap;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsStr;
 use std::fs::{self, Metadata, OpenOptions};
 use std::io::{self, ErrorKind};
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -22,6 +23,7 @@ use std::time::{Duration, Instant};
 use rustix::fs::OFlags;
 use rustix::process::geteuid;
 
+use super::half_made_node::{half_made_nodes, remove_half_made_node};
 use super::node_counter::is_of_one_node;
 use super::shm_override::FOLDER;
 use super::write_lease::WriteLease;
@@ -47,13 +49,13 @@ impl Sweeper {
     /// # Errors
     /// What the system says where there can be no more threads.
     pub(super) fn start(options: &IpcOptions) -> std::io::Result<Self> {
-        let prefix = options.file_prefix();
+        let options = options.clone();
         let (stop, stopped) = channel();
         let thread = thread::Builder::new().name("ipc-sweeper".into());
         let thread = thread.spawn(move || {
             let mut seen = HashMap::new();
             while stopped.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
-                sweep(&prefix, &mut seen);
+                sweep(&options, &mut seen);
             }
         })?;
         Ok(Self {
@@ -64,15 +66,19 @@ impl Sweeper {
 }
 
 /// Removes what has been half-made for too long; `seen` says since when.
-fn sweep(prefix: &str, seen: &mut HashMap<OsString, Instant>) {
-    let (now, half_made) = (Instant::now(), half_made(prefix));
-    seen.retain(|name, _| half_made.contains(name));
-    for name in half_made {
-        let since = *seen.entry(name.clone()).or_insert(now);
-        if now - since >= PATIENCE {
-            // Its maker may live, and another process may have been faster.
-            let _ = remove_abandoned(prefix, &Path::new(FOLDER).join(name));
-        }
+fn sweep(options: &IpcOptions, seen: &mut HashMap<PathBuf, Instant>) {
+    let prefix = options.file_prefix();
+    let (memory, nodes) = (half_made(&prefix), half_made_nodes(&options.root));
+    seen.retain(|path, _| memory.contains(path) || nodes.contains(path));
+    let now = Instant::now();
+    let mut is_due =
+        |path: &&PathBuf| now - *seen.entry((*path).clone()).or_insert(now) >= PATIENCE;
+    // The maker of what is left may live, and another process may have been faster.
+    for path in memory.iter().filter(&mut is_due) {
+        let _ = remove_abandoned(&prefix, path);
+    }
+    for path in nodes.iter().filter(&mut is_due) {
+        let _ = remove_half_made_node(path);
     }
 }
 
@@ -108,7 +114,7 @@ fn is_connection(path: &Path) -> bool {
     path.extension().is_some_and(|end| end == "connection")
 }
 
-fn half_made(prefix: &str) -> Vec<OsString> {
+fn half_made(prefix: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(FOLDER).into_iter().flatten().flatten();
     let half_made = entries.filter(|entry| {
         // The name is cheaper to look at than the file.
@@ -116,7 +122,7 @@ fn half_made(prefix: &str) -> Vec<OsString> {
         let data = is_ours.then(|| entry.metadata());
         data.is_some_and(|data| data.is_ok_and(|d| is_half_made(prefix, &entry.file_name(), &d)))
     });
-    half_made.map(|entry| entry.file_name()).collect()
+    half_made.map(|entry| entry.path()).collect()
 }
 
 fn is_half_made(prefix: &str, name: &OsStr, data: &Metadata) -> bool {
