@@ -15,7 +15,7 @@ use crate::{
     TENDONS, TendonVector,
     executive::{
         CycleInput, CycleOutput, Departure, Ending, Executive, ExecutiveSettings, Motion,
-        RobotNews, RobotSample, StopOrigin,
+        RobotSample, RobotUpdate, StopOrigin,
     },
     robot::{RobotConfig, SimulatedMotors},
 };
@@ -272,8 +272,10 @@ impl World {
         self.now_ns += elapsed_ns;
         self.guard_rounds += u64::from(!self.guard_held_up);
         let sample = self.sample.filter(|_| !self.robot_silent);
-        let news = sample.as_ref().map_or(RobotNews::Nothing, RobotNews::State);
-        let output = self.controller_cycle(news);
+        let update = sample
+            .as_ref()
+            .map_or(RobotUpdate::Nothing, RobotUpdate::State);
+        let output = self.controller_cycle(update);
         while let Some(ended) = self.executive.take_finished() {
             self.last_ended_ns = ended.stamp_ns;
             self.ended.push((ended.motion.id, ended.ending));
@@ -302,8 +304,8 @@ impl World {
     }
 
     /// A cycle of the controller now.
-    pub(crate) fn controller_cycle(&mut self, news: RobotNews<'_>) -> CycleOutput {
-        self.executive.hear_robot(self.now_ns, news);
+    pub(crate) fn controller_cycle(&mut self, update: RobotUpdate<'_>) -> CycleOutput {
+        self.executive.hear_robot(self.now_ns, update);
         if let Some(origin) = self.stop.take() {
             // An error says that there is nothing to stop.
             let _ = self.executive.stop(origin);

@@ -25,9 +25,9 @@ pub struct RobotSample {
     pub measured_rad: Configuration,
 }
 
-/// What has come of the robot since the last cycle.
+/// The robot's state since the last cycle.
 #[derive(Clone, Copy, Debug)]
-pub enum RobotNews<'a> {
+pub enum RobotUpdate<'a> {
     /// No state.
     Nothing,
     /// Its newest state.
@@ -36,7 +36,7 @@ pub enum RobotNews<'a> {
     Invalid,
 }
 
-/// The inputs of one cycle, the robot's news aside.
+/// The inputs of one cycle beside the robot's state.
 #[derive(Clone, Copy, Debug)]
 pub struct CycleInput {
     /// Now, ns of CLOCK_MONOTONIC: the instant for which the set-point is evaluated.

@@ -32,7 +32,7 @@ mod tracking;
 pub use acceptance::{
     AcceptanceContext, BeginWindow, GuardState, check, check_start, check_still_valid,
 };
-pub use cycle::{CycleInput, CycleOutput, RobotNews, RobotSample};
+pub use cycle::{CycleInput, CycleOutput, RobotSample, RobotUpdate};
 pub use ending::{EndedMotion, Ending, StopOrigin};
 pub use motion::{Departure, Motion};
 pub use pace::{Commanded, Pace, PaceLimits};
@@ -294,13 +294,14 @@ impl Executive {
         Ok(())
     }
 
-    /// Begins a cycle with what has come of the robot. Stop afterwards: what a robot had ended by itself is not ended by a later stop.
-    pub fn hear_robot(&mut self, now_ns: i64, news: RobotNews<'_>) {
+    /// Begins a cycle with the robot's state: call it once before each [`Executive::step`], and before motions, orders and stops of the cycle.
+    /// What the robot has ended by itself is told as that, and not as what was ordered later.
+    pub fn hear_robot(&mut self, now_ns: i64, update: RobotUpdate<'_>) {
         self.now_ns = now_ns;
-        self.supervise_robot(news, self.elapsed_ns());
+        self.supervise_robot(update, self.elapsed_ns());
     }
 
-    /// Ends the cycle with the set-point for now.
+    /// Ends the cycle that [`Executive::hear_robot`] began with the set-point for now.
     pub fn step(&mut self, input: &CycleInput) -> CycleOutput {
         self.now_ns = input.now_ns;
         let elapsed_ns = self.elapsed_ns();

@@ -3,7 +3,7 @@
 use shared_types::clock::seconds;
 use shared_types::codes::{LoopFault, LoopState, MotorState, Waiting};
 
-use super::{CONSISTENCY_M, CycleInput, Executive, RobotNews, RobotSample, StopOrigin};
+use super::{CONSISTENCY_M, CycleInput, Executive, RobotSample, RobotUpdate, StopOrigin};
 
 /// A robot state may be stamped this far in the future, ns: robot and loop read the same clock.
 const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
@@ -16,20 +16,20 @@ const GUARD_TIMEOUT_NS: i64 = 100_000_000;
 const ROBOT_REPLY_TIMEOUT_NS: i64 = 200_000_000;
 
 impl Executive {
-    /// Supervises the robot.
-    pub(super) fn supervise_robot(&mut self, news: RobotNews<'_>, elapsed_ns: i64) {
+    /// Takes the robot's state, or counts its silence.
+    pub(super) fn supervise_robot(&mut self, update: RobotUpdate<'_>, elapsed_ns: i64) {
         let counted_ns = elapsed_ns.min(2 * self.settings.period_ns);
         self.robot_silence_ns += counted_ns;
-        match news {
-            RobotNews::Nothing => {}
-            RobotNews::State(sample) => {
+        match update {
+            RobotUpdate::Nothing => {}
+            RobotUpdate::State(sample) => {
                 let paused_ns = elapsed_ns - counted_ns;
                 match self.check_stamp(sample.stamp_ns, self.now_ns, paused_ns) {
                     Ok(()) => self.take_robot_state(sample),
                     Err(reason) => self.refuse_state(reason),
                 }
             }
-            RobotNews::Invalid => {
+            RobotUpdate::Invalid => {
                 self.refuse_state(Waiting::InvalidRobotState);
                 if self.state != LoopState::Starting {
                     self.stop_for(LoopFault::InvalidRobotState);

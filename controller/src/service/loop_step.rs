@@ -17,7 +17,7 @@ use super::{
 use crate::{
     arena::LoopMemory,
     executive::{
-        BeginWindow, CycleInput, CycleOutput, Executive, Motion, RobotNews, StopOrigin,
+        BeginWindow, CycleInput, CycleOutput, Executive, Motion, RobotUpdate, StopOrigin,
         TrajectoryRefusal, check_still_valid,
     },
 };
@@ -63,9 +63,9 @@ impl LoopStep {
     /// One cycle, which was to begin at `deadline_ns`.
     pub(super) fn cycle(&mut self, deadline_ns: i64, robot: &mut impl RobotSide) -> CycleOutput {
         let now_ns = mono_now_ns();
+        self.hear_robot(now_ns, robot);
         self.take_motions(now_ns);
         self.take_orders();
-        self.hear_robot(now_ns, robot);
         self.take_stops();
         self.refuse_due_motion(now_ns);
         let output = self.executive.step(&CycleInput {
@@ -86,12 +86,12 @@ impl LoopStep {
     fn hear_robot(&mut self, now_ns: i64, robot: &mut impl RobotSide) {
         let message = robot.newest_state();
         let sample = message.as_ref().and_then(wire::robot_sample);
-        let news = match (&message, &sample) {
-            (_, Some(sample)) => RobotNews::State(sample),
-            (Some(_), None) => RobotNews::Invalid,
-            (None, None) => RobotNews::Nothing,
+        let update = match (&message, &sample) {
+            (_, Some(sample)) => RobotUpdate::State(sample),
+            (Some(_), None) => RobotUpdate::Invalid,
+            (None, None) => RobotUpdate::Nothing,
         };
-        self.executive.hear_robot(now_ns, news);
+        self.executive.hear_robot(now_ns, update);
     }
 
     /// Hands this cycle's report to the relay, which began so much after its deadline.
@@ -158,7 +158,7 @@ impl LoopStep {
         }
     }
 
-    /// Obeys stops, after trajectories, orders and what the robot tells: a stop also ends a motion that arrived while the loop was held up.
+    /// Obeys stops, after trajectories and orders: a stop also ends a motion that arrived while the loop was held up.
     fn take_stops(&mut self) {
         let up_to = self.link.shared.stops();
         if up_to == self.stops_seen {

@@ -251,9 +251,10 @@ impl Answer {
         let mut free = response.payload_mut();
         for knots in motions() {
             let (place, rest) = free.split_at_mut(knots.len());
-            write(place, knots::to_wire(knots));
+            copy_knots(place, knots::to_wire(knots));
             free = rest;
         }
+        debug_assert!(free.is_empty(), "as many knots as were loaned");
         // SAFETY: its knots are as many as were loaned, and each is written.
         #[allow(unsafe_code)]
         let mut response = unsafe { response.assume_init() };
@@ -264,11 +265,11 @@ impl Answer {
     }
 }
 
-/// Writes knots to a place of as many, in one copy: it writes whole cache lines without first fetching those that the client's processor still
+/// Copies knots to a place of as many at once, which writes whole cache lines without first fetching those that the client's processor still
 /// holds.
-fn write(place: &mut [MaybeUninit<Knot>], knots: &[Knot]) {
+fn copy_knots(place: &mut [MaybeUninit<Knot>], knots: &[Knot]) {
     assert_eq!(place.len(), knots.len());
-    // SAFETY: the place is another one than the knots', as large, and of the same type.
+    // SAFETY: `&mut` and `&` cannot overlap, and both are as long, of the same type.
     #[allow(unsafe_code)]
     unsafe {
         place

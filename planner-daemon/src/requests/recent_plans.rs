@@ -69,7 +69,7 @@ pub(crate) struct KeptPlan {
     pub(crate) candidates: Vec<KeptCandidate>,
 }
 
-/// The last [`RECENT_PLANS`] plans that had candidates.
+/// The last [`RECENT_PLANS`] plans that had candidates, and at most one older one until it is freed.
 #[derive(Debug, Default)]
 pub(crate) struct RecentPlans {
     plans: VecDeque<KeptPlan>,
@@ -83,7 +83,7 @@ impl RecentPlans {
         }
     }
 
-    /// Frees the memory of those before the last [`RECENT_PLANS`]: some 8 µs for each, so do it while nobody waits.
+    /// Frees plans older than the last [`RECENT_PLANS`]; while the next plan is made that delays no answer.
     pub(crate) fn free_older(&mut self) {
         let older = self.plans.len().saturating_sub(RECENT_PLANS);
         self.plans.drain(..older);

@@ -1,7 +1,10 @@
 //! Removes what a node leaves whose process was killed before others could see that it lives.
 //!
-//! iceoryx2 0.10.0 makes the folder of a node (`nodes/<id>`) before the file that tells whether its process lives
-//! (`nodes/<prefix>_<id>.node_monitor`), and cleans up after those alone that have such a file.
+//! iceoryx2 0.10.0 makes the folder of a node (`nodes/<id>`) first, then three files that tell whether its process lives
+//! (`nodes/<prefix>_<id>.node_monitor…`); the last step makes the context among them readable. It cleans up after those alone that came so far.
+//!
+//! Whether the maker lives is asked of its process id: one of another pid namespace (a container) counts as dead. Its node is lost if it was
+//! stopped for a second between those steps, which take microseconds.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -14,43 +17,72 @@ use rustix::process::{Pid, geteuid, test_kill_process};
 
 /// The folder of nodes in the services' root, as in iceoryx2's configuration.
 const NODES: &str = "nodes";
-/// Ends the name of the file that tells of its process.
 const MONITOR: &str = ".node_monitor";
+const OWNER_LOCK: &str = ".node_monitor_owner_lock";
+const CONTEXT: &str = ".node_monitor_context";
+/// A context that its owner may read is whole.
+const READABLE: u32 = 0o400;
 
-/// The folders of nodes of which no file tells whether their process lives.
+/// The folders of nodes that others cannot see alive or dead.
 pub(super) fn half_made_nodes(root: &Path) -> Vec<PathBuf> {
-    let folder = root.join(NODES);
-    let entries = fs::read_dir(&folder).into_iter().flatten().flatten();
-    let names: BTreeSet<String> = entries
-        .filter_map(|entry| entry.file_name().into_string().ok())
-        .collect();
-    let of_monitor = |name: &str| Some(name.strip_suffix(MONITOR)?.rsplit('_').next()?.to_owned());
-    let monitored: BTreeSet<String> = names.iter().filter_map(|name| of_monitor(name)).collect();
-    let half_made = names
-        .iter()
-        .filter(|name| maker(name).is_some() && !monitored.contains(*name));
-    half_made.map(|name| folder.join(name)).collect()
+    let names = names(&root.join(NODES));
+    let ids = names.iter().filter(|name| maker(name).is_some());
+    let folders = ids.map(|id| root.join(NODES).join(id));
+    folders.filter(|folder| !is_whole(folder, &names)).collect()
 }
 
-/// Removes the folder of a node that has been half-made for long, unless its maker lives.
+/// Removes the folder and the files of a node that has been half-made for long, unless it was finished or its maker lives.
 ///
 /// # Errors
-/// What the system says; [`io::ErrorKind::WouldBlock`] where its maker lives.
-pub(super) fn remove_half_made_node(path: &Path) -> io::Result<()> {
-    let name = path.file_name().and_then(|name| name.to_str());
-    let data = fs::symlink_metadata(path)?;
+/// What the system says; [`io::ErrorKind::WouldBlock`] for what is to stay: of a maker that lives, of another user, whole, or no node.
+pub(super) fn remove_half_made_node(folder: &Path) -> io::Result<()> {
+    let data = fs::symlink_metadata(folder)?;
     let is_own = data.is_dir() && data.uid() == geteuid().as_raw();
-    match name.and_then(maker) {
-        Some(maker) if is_own && !lives(maker) => fs::remove_dir_all(path),
-        _ => Err(io::ErrorKind::WouldBlock.into()),
+    let is_dead = id(folder)
+        .and_then(maker)
+        .is_some_and(|maker| !lives(maker));
+    let names = folder.parent().map(names).unwrap_or_default();
+    if !is_own || !is_dead || is_whole(folder, &names) {
+        return Err(io::ErrorKind::WouldBlock.into());
     }
+    fs::remove_dir_all(folder)?;
+    for end in [MONITOR, OWNER_LOCK, CONTEXT] {
+        for file in files(folder, &names, end) {
+            fs::remove_file(file)?;
+        }
+    }
+    Ok(())
 }
 
-/// The process that made the node of this id, which is the folder's name: iceoryx2 joins seconds, nanoseconds, process and a count to a number
-/// of 128 bits, the first one lowest.
+fn names(nodes: &Path) -> BTreeSet<String> {
+    let entries = fs::read_dir(nodes).into_iter().flatten().flatten();
+    let names = entries.map(|entry| entry.file_name().into_string());
+    names.filter_map(Result::ok).collect()
+}
+
+fn id(folder: &Path) -> Option<&str> {
+    folder.file_name()?.to_str()
+}
+
+/// The files of a node whose names end so, whatever the prefix.
+fn files(folder: &Path, names: &BTreeSet<String>, end: &str) -> Vec<PathBuf> {
+    let end = format!("{}{end}", id(folder).unwrap_or_default());
+    let of_node = names.iter().filter(|name| name.ends_with(&end));
+    of_node.map(|name| folder.with_file_name(name)).collect()
+}
+
+fn is_whole(folder: &Path, names: &BTreeSet<String>) -> bool {
+    let contexts = files(folder, names, CONTEXT);
+    let is_readable = |path: &PathBuf| fs::metadata(path).is_ok_and(|it| it.mode() & READABLE != 0);
+    contexts.iter().any(is_readable)
+}
+
+/// The process that made the node of this id: iceoryx2 joins seconds, nanoseconds, process and a count to a number of 128 bits, the first one
+/// lowest. None where the name is no such number.
 fn maker(name: &str) -> Option<Pid> {
     let id: u128 = name.parse().ok()?;
-    Pid::from_raw((id >> 64) as u32 as i32)
+    let process = i32::try_from((id >> 64) as u32).ok()?;
+    Pid::from_raw(process).filter(|_| id.to_string() == name)
 }
 
 fn lives(process: Pid) -> bool {
@@ -61,10 +93,12 @@ fn lives(process: Pid) -> bool {
 mod tests {
     use super::*;
     use crate::ipc::{IpcNode, IpcOptions};
+    use std::os::unix::fs::PermissionsExt;
     use std::process::Command;
+    use tempfile::TempDir;
 
     /// The id of a node that a process made.
-    fn id(pid: u32) -> String {
+    fn id_of(pid: u32) -> String {
         ((u128::from(pid) << 64) | 7).to_string()
     }
 
@@ -74,53 +108,63 @@ mod tests {
         child.id()
     }
 
+    /// A node of which so many steps after its folder are done, of four.
+    fn node(root: &Path, pid: u32, steps: usize) -> PathBuf {
+        let folder = root.join(NODES).join(id_of(pid));
+        fs::create_dir_all(&folder).unwrap();
+        fs::write(folder.join("any_node.details"), "details").unwrap();
+        let file = |end: &str| root.join(NODES).join(format!("any_{}{end}", id_of(pid)));
+        let ends = [CONTEXT, MONITOR, OWNER_LOCK];
+        for end in ends.iter().take(steps) {
+            fs::write(file(end), "").unwrap();
+        }
+        if steps > 0 {
+            let mode = if steps > ends.len() { 0o400 } else { 0o200 };
+            fs::set_permissions(file(CONTEXT), PermissionsExt::from_mode(mode)).unwrap();
+        }
+        folder
+    }
+
     #[test]
-    fn only_what_a_dead_process_left_half_made_is_removed() {
-        let folder = tempfile::tempdir().unwrap();
-        let root = folder.path().join("root");
+    fn nothing_remains_of_a_maker_that_died_before_the_last_step() {
+        for steps in 0..=3 {
+            let root = TempDir::new().unwrap();
+            let folder = node(root.path(), ended_process(), steps);
+            assert_eq!(half_made_nodes(root.path()), [folder.clone()], "{steps}");
+            remove_half_made_node(&folder).unwrap();
+            assert!(names(&root.path().join(NODES)).is_empty(), "{steps}");
+        }
+    }
+
+    #[test]
+    fn what_is_whole_or_no_node_or_whose_maker_lives_stays() {
+        let root = TempDir::new().unwrap();
+        let whole = node(root.path(), ended_process(), 4);
+        let alive = node(root.path(), std::process::id(), 1);
+        for name in ["something_else", "007", "+7", &u128::MAX.to_string()] {
+            fs::create_dir(root.path().join(NODES).join(name)).unwrap();
+        }
+        assert_eq!(half_made_nodes(root.path()), [alive.clone()]);
+        let before = names(&root.path().join(NODES));
+        for folder in [alive, whole.with_file_name("007"), whole] {
+            let refused = remove_half_made_node(&folder).unwrap_err();
+            assert_eq!(refused.kind(), io::ErrorKind::WouldBlock);
+        }
+        assert_eq!(names(&root.path().join(NODES)), before);
+    }
+
+    #[test]
+    fn a_node_of_iceoryx2_is_whole_and_bears_its_maker() {
+        let folder = TempDir::new().unwrap();
         let options = IpcOptions {
             prefix: format!("halfmade{}", std::process::id()),
-            root: root.clone(),
+            root: folder.path().join("root"),
         };
         let node = IpcNode::create(&options, "whole").unwrap();
-        let nodes = root.join(NODES);
-        let whole = nodes.join(node.id().to_string());
-        assert!(whole.is_dir());
-        assert_eq!(
-            maker(&node.id().to_string()),
-            Pid::from_raw(std::process::id() as i32)
-        );
-        let [dead, alive] = [ended_process(), std::process::id()].map(|pid| nodes.join(id(pid)));
-        for path in [&dead, &alive] {
-            fs::create_dir(path).unwrap();
-            fs::write(path.join("halfmade_node.details"), "details").unwrap();
-        }
-        fs::create_dir(nodes.join("something_else")).unwrap();
-        let half_made: BTreeSet<PathBuf> = half_made_nodes(&root).into_iter().collect();
-        assert_eq!(half_made, BTreeSet::from([dead.clone(), alive.clone()]));
-        assert!(remove_half_made_node(&dead).is_ok());
-        let refused = remove_half_made_node(&alive).unwrap_err();
-        assert_eq!(refused.kind(), io::ErrorKind::WouldBlock);
-        assert!(!dead.exists() && alive.is_dir() && whole.is_dir());
-    }
-
-    #[test]
-    fn a_node_of_another_prefix_in_the_same_root_is_whole() {
-        let folder = tempfile::tempdir().unwrap();
-        let other = nodes_with(&folder, "another_", ended_process());
-        assert!(
-            half_made_nodes(folder.path()).is_empty(),
-            "{}",
-            other.display()
-        );
-    }
-
-    /// A node in a root folder, whose monitor has this prefix.
-    fn nodes_with(folder: &tempfile::TempDir, prefix: &str, pid: u32) -> PathBuf {
-        let nodes = folder.path().join(NODES);
-        let node = nodes.join(id(pid));
-        fs::create_dir_all(&node).unwrap();
-        fs::write(nodes.join(format!("{prefix}{}{MONITOR}", id(pid))), "").unwrap();
-        node
+        let id = node.id().to_string();
+        let process = i32::try_from(std::process::id()).unwrap();
+        assert_eq!(maker(&id), Pid::from_raw(process));
+        assert!(options.root.join(NODES).join(&id).is_dir());
+        assert!(half_made_nodes(&options.root).is_empty());
     }
 }

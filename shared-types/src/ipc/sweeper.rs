@@ -133,3 +133,27 @@ fn is_half_made(prefix: &str, name: &OsStr, data: &Metadata) -> bool {
     };
     own_file && (data.len() == 0 || is_counter())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_half_made_node_of_a_dead_process_is_removed_once_it_is_old() {
+        let root = tempfile::tempdir().unwrap();
+        let nobody = (u128::from(i32::MAX.unsigned_abs()) << 64).to_string();
+        let node = root.path().join("nodes").join(nobody);
+        fs::create_dir_all(&node).unwrap();
+        let options = IpcOptions {
+            prefix: format!("sweeper{}", std::process::id()),
+            root: root.path().to_owned(),
+        };
+        let mut seen = HashMap::new();
+        sweep(&options, &mut seen);
+        assert!(node.is_dir());
+        let since = seen.get_mut(&node).unwrap();
+        *since = since.checked_sub(PATIENCE).unwrap();
+        sweep(&options, &mut seen);
+        assert!(!node.exists());
+    }
+}

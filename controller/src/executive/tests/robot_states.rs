@@ -4,7 +4,7 @@ use shared_types::valid::Signature;
 
 use super::{run_until, state};
 use crate::{
-    executive::{RobotNews, RobotSample},
+    executive::{RobotSample, RobotUpdate},
     fixtures::{MS, World},
 };
 
@@ -132,7 +132,7 @@ fn what_a_starting_controller_waits_for_has_a_name() {
                 ..sample
             };
             spoil(&mut robot);
-            let output = world.controller_cycle(RobotNews::State(&robot));
+            let output = world.controller_cycle(RobotUpdate::State(&robot));
             assert_eq!((output.state, output.send), (LoopState::Starting, false));
             assert_eq!(output.waiting, reason);
             let off_map = reason == Waiting::OffTendonMap;
@@ -156,7 +156,7 @@ fn a_robot_that_never_takes_up_the_set_points_is_named() {
             stamp_ns: world.now_ns,
             ..sample
         };
-        let output = world.controller_cycle(RobotNews::State(&robot));
+        let output = world.controller_cycle(RobotUpdate::State(&robot));
         assert_eq!(output.waiting, Waiting::NotTakenUp, "cycle {cycle}");
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use controller::executive::{
-    CycleInput, CycleOutput, Executive, ExecutiveSettings, Motion, RobotNews, RobotSample,
+    CycleInput, CycleOutput, Executive, ExecutiveSettings, Motion, RobotSample, RobotUpdate,
     StopOrigin,
 };
 use controller::service::ControllerConfig;
@@ -137,8 +137,8 @@ impl Driven {
 
     fn cycle(&mut self) -> CycleOutput {
         self.now_ns += self.draw_elapsed_ns();
-        let news = RobotNews::State(&self.robot);
-        self.executive.hear_robot(self.now_ns, news);
+        let update = RobotUpdate::State(&self.robot);
+        self.executive.hear_robot(self.now_ns, update);
         let output = self.executive.step(&CycleInput {
             now_ns: self.now_ns,
             daemon_alive: true,
