@@ -219,3 +219,58 @@ impl LoopStep {
         debug_assert!(pushed.is_ok(), "the ring of trajectories is full");
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use pcc_model::Configuration;
+    use shared_types::codes::{LoopState, MotorState};
+
+    use super::*;
+    use crate::{
+        executive::Ending,
+        fixtures::{MS, curved_motion, target_configuration, unit_robot},
+        service::link::link,
+    };
+
+    /// A robot at rest in the middle that tells a state when it is asked.
+    struct PlayedRobot(MotorState);
+
+    impl RobotSide for PlayedRobot {
+        fn newest_state(&mut self) -> Option<RobotState> {
+            Some(RobotState {
+                stamp_mono_ns: mono_now_ns(),
+                robot_hash: unit_robot().hash(),
+                state: self.0.code(),
+                ..RobotState::ZEROED
+            })
+        }
+
+        fn send(&mut self, _: &Setpoint) {}
+    }
+
+    #[test]
+    fn a_robot_that_stopped_by_itself_is_seen_before_a_stop_is_obeyed() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/controller.toml");
+        let config = ControllerConfig::from_file(&file).unwrap();
+        let (at_loop, _guard, mut at_relay) = link();
+        at_loop.shared.daemon_alive.store(true, Ordering::Relaxed);
+        let mut step = LoopStep::new(&config, at_loop);
+        let mut cycle = |state| step.cycle(mono_now_ns(), &mut PlayedRobot(state));
+        cycle(MotorState::Idle);
+        assert_eq!(cycle(MotorState::Following).state, LoopState::Holding);
+        let (begin_ns, start) = (mono_now_ns() + 500 * MS, Configuration::zeros());
+        let mut waiting = curved_motion(7, begin_ns, start, target_configuration());
+        waiting.requested_ns = mono_now_ns();
+        at_relay.motions.push(waiting).unwrap();
+        assert_eq!(cycle(MotorState::Following).state, LoopState::Holding);
+        assert!(at_relay.returns.pop().is_err(), "it waits for its begin");
+        at_relay.shared.order_stop(mono_now_ns(), true);
+        cycle(MotorState::AtRestAfterLoss);
+        let Ok(Return::Ended(ended)) = at_relay.returns.pop() else {
+            panic!("it is set aside");
+        };
+        assert_eq!(ended.ending, Ending::SetAside(StopOrigin::RobotGone));
+    }
+}
