@@ -311,7 +311,6 @@ impl World {
             let _ = self.executive.stop(origin);
         }
         self.executive.step(&CycleInput {
-            now_ns: self.now_ns,
             daemon_alive: self.daemon_alive,
             guard_rounds: self.guard_rounds,
         })

@@ -370,6 +370,32 @@ fn a_motion_that_waits_does_not_begin_after_a_long_pause_and_that_is_no_fault() 
     run_into_motion(&mut joined, &goal(1.0));
 }
 
+#[test]
+fn a_motion_that_begins_and_ends_in_one_late_cycle_is_named_and_has_its_result() {
+    let mut joined = Joined::new();
+    let robot = joined.start("simulated-robot");
+    let controller = joined.start("controller");
+    joined.wait_for(LoopState::Holding);
+    let id = joined.send_still_motion_in(150_000_000);
+    std::thread::sleep(std::time::Duration::from_millis(50));
+    for process in [&controller, &robot] {
+        process.signal("STOP");
+    }
+    std::thread::sleep(std::time::Duration::from_millis(150));
+    for process in [&robot, &controller] {
+        process.signal("CONT");
+    }
+    assert_eq!(joined.wait_for_result(id).outcome, MotionOutcome::Reached);
+    joined.wait_until("a state that names it", |seen| {
+        seen.controller.is_some_and(|now| now.trajectory_id == id)
+    });
+    run_into_motion(&mut joined, &goal(1.0));
+    joined.with_seen(|seen| {
+        let is_of_it = |cycle: &Cycle| cycle.trajectory_id == id;
+        assert!(!seen.cycles.iter().any(is_of_it), "the premise");
+    });
+}
+
 fn assert_stopped(result: &MotionResult, cause: StopCause, reason: &str) {
     let values = &result.values;
     assert_eq!(

@@ -36,11 +36,9 @@ pub enum RobotUpdate<'a> {
     Invalid,
 }
 
-/// The inputs of one cycle beside the robot's state.
+/// The inputs of one cycle beside its time and the robot's state.
 #[derive(Clone, Copy, Debug)]
 pub struct CycleInput {
-    /// Now, ns of CLOCK_MONOTONIC: the instant for which the set-point is evaluated.
-    pub now_ns: i64,
     /// Whether the daemon's heartbeats arrive.
     pub daemon_alive: bool,
     /// Rounds of the guard thread so far; while they go on, stops and the loss of the daemon are noticed.

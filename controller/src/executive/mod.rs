@@ -105,7 +105,7 @@ pub struct Executive {
     /// Cycle time since the guard's last round.
     guard_silence_ns: i64,
     slack_residual_m: f64,
-    /// Instant of the cycle under way, or of the last one, ns of CLOCK_MONOTONIC.
+    /// Instant of the cycle under way, or of the last one, ns of CLOCK_MONOTONIC: the set-point is for then.
     now_ns: i64,
     /// Instant of the command, ns of CLOCK_MONOTONIC.
     commanded_ns: Option<i64>,
@@ -298,22 +298,21 @@ impl Executive {
     /// What the robot has ended by itself is told as that, and not as what was ordered later.
     pub fn hear_robot(&mut self, now_ns: i64, update: RobotUpdate<'_>) {
         self.now_ns = now_ns;
-        self.supervise_robot(update, self.elapsed_ns());
+        self.supervise_robot(update);
     }
 
     /// Ends the cycle that [`Executive::hear_robot`] began with the set-point for now.
     pub fn step(&mut self, input: &CycleInput) -> CycleOutput {
-        self.now_ns = input.now_ns;
-        let elapsed_ns = self.elapsed_ns();
         // Until the machine moves on, the command and its time are the last cycle's.
-        let late = self.supervise(input, elapsed_ns);
-        self.commanded_ns = Some(input.now_ns);
+        let late = self.supervise(input);
+        let elapsed_ns = self.elapsed_ns();
+        self.commanded_ns = Some(self.now_ns);
         if self.attached {
-            self.move_on(input.now_ns, elapsed_ns);
+            self.move_on(elapsed_ns);
         } else {
             self.mirror_robot();
         }
-        self.output(input.now_ns, late)
+        self.output(late)
     }
 
     /// Time since the last cycle, ns.
@@ -321,14 +320,14 @@ impl Executive {
         self.now_ns - self.commanded_ns.unwrap_or(self.now_ns)
     }
 
-    fn move_on(&mut self, now_ns: i64, elapsed_ns: i64) {
+    fn move_on(&mut self, elapsed_ns: i64) {
         // A late cycle samples by absolute time, but never further on than `step_cap`: the path time then lags.
         let mut step_ns = elapsed_ns.min(self.settings.step_cap_ns);
         if self.state == LoopState::Holding {
             let Some(motion) = &self.motion else {
                 return;
             };
-            let begun_ns = now_ns - motion.begin_ns;
+            let begun_ns = self.now_ns - motion.begin_ns;
             if begun_ns < 0 {
                 return;
             }
@@ -429,11 +428,11 @@ impl Executive {
         };
     }
 
-    fn output(&self, now_ns: i64, late: bool) -> CycleOutput {
+    fn output(&self, late: bool) -> CycleOutput {
         let robot = self.robot.as_ref();
         let followed = self.followed_motion();
         CycleOutput {
-            stamp_ns: now_ns,
+            stamp_ns: self.now_ns,
             send: self.attached,
             state: self.state,
             fault: self.fault,

@@ -17,7 +17,8 @@ const ROBOT_REPLY_TIMEOUT_NS: i64 = 200_000_000;
 
 impl Executive {
     /// Takes the robot's state, or counts its silence.
-    pub(super) fn supervise_robot(&mut self, update: RobotUpdate<'_>, elapsed_ns: i64) {
+    pub(super) fn supervise_robot(&mut self, update: RobotUpdate<'_>) {
+        let elapsed_ns = self.elapsed_ns();
         let counted_ns = elapsed_ns.min(2 * self.settings.period_ns);
         self.robot_silence_ns += counted_ns;
         match update {
@@ -40,7 +41,8 @@ impl Executive {
     }
 
     /// Supervises daemon, guard and loop; returns whether this cycle came late.
-    pub(super) fn supervise(&mut self, input: &CycleInput, elapsed_ns: i64) -> bool {
+    pub(super) fn supervise(&mut self, input: &CycleInput) -> bool {
+        let elapsed_ns = self.elapsed_ns();
         if !input.daemon_alive {
             // An error says that there is nothing to stop.
             let _ = self.stop(StopOrigin::DaemonLost);

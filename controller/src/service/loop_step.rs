@@ -69,7 +69,6 @@ impl LoopStep {
         self.take_stops();
         self.refuse_due_motion(now_ns);
         let output = self.executive.step(&CycleInput {
-            now_ns,
             daemon_alive: self.link.shared.daemon_alive.load(Ordering::Relaxed),
             guard_rounds: self.link.shared.guard_rounds.load(Ordering::Relaxed),
         });

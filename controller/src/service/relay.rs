@@ -259,8 +259,9 @@ impl Relay {
         let outcome = ended.ending.code();
         let origin = ended.ending.origin().map(ToString::to_string);
         info!(id, path_time_s, origin, "motion {outcome}");
-        if matches!(ended.ending, Ending::SetAside(_)) {
-            self.not_begun(id, &TrajectoryRefusal::SetAside);
+        match ended.ending {
+            Ending::SetAside(_) => self.not_begun(id, &TrajectoryRefusal::SetAside),
+            Ending::Reached | Ending::Joined(_) | Ending::Stopped(_) => self.view.has_ended(ended),
         }
         self.results.ended(ended, self.view.fault_reason());
     }

@@ -16,7 +16,7 @@ use super::link::{Report, Shared};
 use crate::{
     arena::MemoryCounts,
     executive::{
-        AcceptanceContext, CONSISTENCY_M, CycleOutput, ExecutiveSettings, GuardState,
+        AcceptanceContext, CONSISTENCY_M, CycleOutput, EndedMotion, ExecutiveSettings, GuardState,
         TrajectoryRefusal,
     },
 };
@@ -136,6 +136,16 @@ impl LoopView {
             self.published.trajectory_id = output.trajectory_id;
         }
         self.latest = Some(report);
+    }
+
+    /// Notes a motion that was followed to its end: no cycle names one that began and ended in the same late cycle.
+    pub(super) fn has_ended(&mut self, ended: &EndedMotion) {
+        let follows_another = self.latest.as_ref().is_some_and(|latest| {
+            latest.output.trajectory_id != 0 && latest.output.stamp_ns >= ended.stamp_ns
+        });
+        if !follows_another {
+            self.published.trajectory_id = ended.motion.id;
+        }
     }
 
     fn note_fault(&mut self, output: &CycleOutput) {

@@ -250,6 +250,24 @@ impl Joined {
         self.send(goal, |message| message.begin_mono_ns = begin_ns)
     }
 
+    /// Sends a motion of a millisecond that stays where the robot is and begins so long after now, ns.
+    pub(crate) fn send_still_motion_in(&mut self, ahead_ns: i64) -> u32 {
+        let begin_mono_ns = mono_now_ns() + ahead_ns;
+        let rest = Knot {
+            configuration_rad: self.controller().commanded_configuration_rad,
+            ..Knot::ZEROED
+        };
+        let end = Knot {
+            time_s: 1e-3,
+            ..rest
+        };
+        self.send(&rest.configuration_rad.into(), |message| {
+            message.begin_mono_ns = begin_mono_ns;
+            message.knot_count = 2;
+            message.knots[..2].copy_from_slice(&[rest, end]);
+        })
+    }
+
     /// Waits until the controller says that it refuses a motion, and why.
     pub(crate) fn wait_for_refusal(&self, id: u32, refusal: Refusal) {
         self.wait_until(refusal.text(), |seen| {

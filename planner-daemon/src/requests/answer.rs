@@ -130,10 +130,13 @@ impl Answer {
     }
 
     fn certified(task: &PlanTask, plan: &mut Plan, robot: &UnitRobot) -> Self {
-        let errors = tip_errors(task, &plan.candidates, robot);
-        let both = plan.candidates.iter().zip(&errors);
-        let deliverable = both.filter(|(candidate, error)| is_in_bounds(task, candidate, **error));
-        let (outcome, reason) = verdict(task, plan, deliverable.count());
+        let certified = mem::take(&mut plan.candidates);
+        let count = certified.len();
+        let errors = tip_errors(task, &certified, robot);
+        let both = certified.into_iter().zip(errors);
+        let deliverable = both.filter(|(candidate, error)| is_in_bounds(task, candidate, *error));
+        let (candidates, errors): (Vec<_>, Vec<f64>) = deliverable.unzip();
+        let (outcome, reason) = verdict(task, plan, &candidates, count - candidates.len());
         let mut answer = Self::refused(task.request_id, &Refusal::new(outcome, reason));
         let report = &mut answer.report;
         report.learned_drawn = plan.learned_drawn as u32;
@@ -141,9 +144,6 @@ impl Answer {
         for &stage in Stage::ALL {
             report.stages_ns[stage.code() as usize] = (plan.stages[stage] * 1e9) as u64;
         }
-        let both = mem::take(&mut plan.candidates).into_iter().zip(errors);
-        let deliverable = both.filter(|(candidate, error)| is_in_bounds(task, candidate, *error));
-        let (candidates, errors): (_, Vec<f64>) = deliverable.unzip();
         answer.candidates = candidates;
         answer.summarise(task, robot, &errors);
         answer

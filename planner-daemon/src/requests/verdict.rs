@@ -1,7 +1,7 @@
 //! What an answer says of its plan: the outcome, and why there are no more candidates.
 
 use pcc_model::UnitRobot;
-use planning::{Failure, Plan, PlannerError, Source};
+use planning::{Candidate, Failure, Plan, PlannerError, Source};
 use shared_types::codes::Outcome;
 
 use super::planned::PlanError;
@@ -9,10 +9,15 @@ use super::refusal::Refusal;
 use super::report;
 use super::request_validator::PlanTask;
 
-/// Outcome and explanation of a plan of which so many candidates are delivered.
-pub(super) fn verdict(task: &PlanTask, plan: &Plan, count: usize) -> (Outcome, String) {
-    let wanted = task.request.candidates;
-    let failed = failures(plan, plan.candidates.len() - count);
+/// Outcome and explanation of a plan of which these candidates are delivered, and so many certified ones are not.
+pub(super) fn verdict(
+    task: &PlanTask,
+    plan: &Plan,
+    delivered: &[Candidate],
+    undeliverable: usize,
+) -> (Outcome, String) {
+    let (wanted, count) = (task.request.candidates, delivered.len());
+    let failed = failures(plan, delivered, undeliverable);
     if plan.truncated {
         let reason = format!(
             "{count} of {wanted} candidates were certified within {} ms",
@@ -32,7 +37,7 @@ pub(super) fn verdict(task: &PlanTask, plan: &Plan, count: usize) -> (Outcome, S
 }
 
 /// The number of draws for each cause of failure, as text.
-fn failures(plan: &Plan, undeliverable: usize) -> String {
+fn failures(plan: &Plan, delivered: &[Candidate], undeliverable: usize) -> String {
     let causes = [
         (Failure::NoPath, "without a path"),
         (Failure::Goal, "short of the goal"),
@@ -58,7 +63,7 @@ fn failures(plan: &Plan, undeliverable: usize) -> String {
     let parts: Vec<String> = parts
         .map(|(count, text)| format!("{count} {text}"))
         .collect();
-    let mut sources = plan.candidates.iter().map(|candidate| candidate.source);
+    let mut sources = delivered.iter().map(|candidate| candidate.source);
     if !parts.is_empty() {
         parts.join(", ")
     } else if sources.any(|source| source == Source::MovedEnd) {

@@ -197,6 +197,41 @@ fn a_trajectory_that_comes_again_has_no_second_result() {
 }
 
 #[test]
+fn a_motion_that_no_cycle_names_is_named_in_the_state() {
+    let mut bench = Bench::new();
+    bench.report_cycle();
+    for (id, ending, named) in [
+        (8, Ending::Reached, 8),
+        (9, Ending::SetAside(StopOrigin::Signal), 8),
+        (10, Ending::Stopped(StopOrigin::Signal), 10),
+    ] {
+        bench.send(id, |_| ());
+        bench.relay.round();
+        let motion = bench.handed_over().remove(0);
+        bench.give_back(motion, ending);
+        bench.relay.round();
+        let told = bench.relay.view.message(&bench.relay.link.shared);
+        assert_eq!(told.trajectory_id, named);
+    }
+}
+
+#[test]
+fn a_motion_that_was_left_is_not_named_after_the_one_that_is_followed() {
+    let mut bench = Bench::new();
+    bench.report_cycle();
+    bench.send(8, |_| ());
+    bench.relay.round();
+    let motion = bench.handed_over().remove(0);
+    bench.give_back(motion, Ending::Joined(9));
+    bench.world.last.as_mut().unwrap().trajectory_id = 9;
+    bench.world.last.as_mut().unwrap().stamp_ns = mono_now_ns();
+    bench.report_cycle();
+    bench.relay.round();
+    let told = bench.relay.view.message(&bench.relay.link.shared);
+    assert_eq!(told.trajectory_id, 9);
+}
+
+#[test]
 fn a_flood_of_trajectories_is_taken_some_at_a_time() {
     let mut bench = Bench::new();
     bench.report_cycle();

@@ -10,7 +10,8 @@ use tests::programs::repository;
 use crate::demo::clean_clone;
 use crate::report::Report;
 
-const COMMAND: &str = "cargo test --locked -p shared-types --test description, in a changed clone";
+const COMMAND: &str =
+    "cargo test --locked -p shared-types --test description -- --exact, in a changed clone";
 
 /// The test that compares `wire.json` with the types.
 const TEST: &str = "wire_json_is_what_the_types_say";

@@ -140,7 +140,6 @@ impl Driven {
         let update = RobotUpdate::State(&self.robot);
         self.executive.hear_robot(self.now_ns, update);
         let output = self.executive.step(&CycleInput {
-            now_ns: self.now_ns,
             daemon_alive: true,
             guard_rounds: self.now_ns.unsigned_abs(),
         });
