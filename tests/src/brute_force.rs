@@ -227,7 +227,7 @@ impl Body {
                 let stamp_ns = ends[0] + ((ends[1] - ends[0]) as f64 * fraction) as i64;
                 let shape = between(&shapes[index], &shapes[next], fraction);
                 let clearance = self.clearance(&shape, balls(stamp_ns), stamp_ns);
-                if clearance < least.sampled_m {
+                if clearance.is_nan() || clearance < least.sampled_m {
                     (least.sampled_m, least.stamp_ns) = (clearance, stamp_ns);
                 }
             }

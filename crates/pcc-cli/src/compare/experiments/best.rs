@@ -84,7 +84,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         caption: format!(
             "Medians over the cases that all of these planners solve, with 95 % intervals by the bootstrap over cases. × 10: equal number. The other row of a \
              planner has the most candidates, up to 64, whose median request takes no longer than that of the slowest planner takes for ten ({}). Of \
-             clearance more is better, of all others less.",
+             clearance more is better, of all others less. Every motion that an answer holds counts, those of <code>fast</code>'s exploring too.",
             told.join("; ")
         ),
         made_by: None,

@@ -164,12 +164,19 @@ fn is_told(sentence: &str, paired: &Value) -> bool {
     let of_differences = [
         ("certified share", "certified_ahead"),
         ("success", "success_ahead"),
+        ("modes", "modes_ahead"),
     ]
     .map(|(name, key)| {
         let is_ahead = end(key, "high").is_some_and(|high| high < 0.0);
         let is_behind = end(key, "low").is_some_and(|low| low > 0.0);
         (name, is_ahead, is_behind)
     });
+    let time = "request_longer_s";
+    let of_time = (
+        "time of a request",
+        end(time, "low").is_some_and(|low| low > 0.0),
+        end(time, "high").is_some_and(|high| high < 0.0),
+    );
     let of_shares = [
         ("tip length", "tip_longer", "tip_shorter"),
         ("smoothness", "tip_rougher", "tip_smoother"),
@@ -182,6 +189,7 @@ fn is_told(sentence: &str, paired: &Value) -> bool {
     });
     of_differences
         .into_iter()
+        .chain([of_time])
         .chain(of_shares)
         .all(|(name, is_ahead, is_behind)| {
             let is_open = !is_ahead && !is_behind;

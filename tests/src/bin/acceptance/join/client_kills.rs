@@ -1,6 +1,8 @@
 //! Clients of every language that are killed while they ask: nothing of them remains, and the next request is served at once.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsString;
+use std::fs;
 use std::path::PathBuf;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -32,8 +34,10 @@ const CLEANED_AFTER: Duration = Duration::from_secs(1);
 const STARTED_WITHIN: Duration = Duration::from_secs(5);
 /// Share of a request's usual time within which its client is killed while it asks: the answer may come sooner.
 const ASKING_SHARE: f64 = 0.5;
-/// Share of the kills that must meet their stage: a client may be quicker than usual.
-const MET_SHARE: f64 = 0.6;
+/// Kills of a stage for each that must meet it, at most: a client may be quicker than usual.
+const TRIES: usize = 3;
+/// Between two looks at the nodes.
+const LOOK: Duration = Duration::from_micros(200);
 /// Candidates of the next request.
 const SERVED_CANDIDATES: usize = 10;
 /// Clients that the daemon has places for: the one that is killed, or the next one.
@@ -42,7 +46,7 @@ const PLACES: i64 = 1;
 /// What a client is at when it is killed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Stage {
-    /// It starts, and joins the services.
+    /// It joins the services.
     Joining,
     /// Its request is under way.
     Asking,
@@ -62,7 +66,7 @@ const STAGES: [Stage; 4] = [
 impl Stage {
     fn text(self) -> &'static str {
         match self {
-            Self::Joining => "before its request was sent",
+            Self::Joining => "from its first file on and before its request was sent",
             Self::Asking => "between its request and the answer",
             Self::Answered => "right after its answer was sent",
             Self::Waiting => "while it waited for the result",
@@ -135,19 +139,21 @@ fn kill(examples: &Examples, report: &mut Report, scale: Scale) -> anyhow::Resul
     let before = stack.world.shared_files();
     let bytes_before = stack.world.shared_memory_bytes();
     let mut seen = Seen::default();
-    for index in 0..scale.pick(12, 200) {
-        let stage = STAGES[index % STAGES.len()];
+    let wanted = scale.pick(3, 50);
+    while let Some(stage) = seen.next_stage(wanted) {
         events.forget()?;
-        // To and fro, so that there is a motion each time.
-        let side = if (index / STAGES.len()).is_multiple_of(2) {
-            1.0
-        } else {
-            -1.0
-        };
-        let mut client = start(examples, &stack, side)?;
-        wait_for_stage(stage, &events, &usual, &mut random)
-            .with_context(|| format!("{stage:?}: {}", client.log()))?;
         let (kills, met) = seen.kills.entry(stage).or_default();
+        // To and fro, so that there is a motion each time.
+        let side = if kills.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let others = nodes(&stack.world);
+        let mut client = start(examples, &stack, side)?;
+        let at = Instants {
+            events: &events,
+            world: &stack.world,
+            others: &others,
+        };
+        at.wait_for(stage, &usual, &mut random)
+            .with_context(|| format!("{stage:?}: {}", client.log()))?;
         *kills += 1;
         *met += usize::from(kill_at(stage, &mut client, &events)?);
         let (is_served, took) = serve(&stack.world)?;
@@ -158,7 +164,7 @@ fn kill(examples: &Examples, report: &mut Report, scale: Scale) -> anyhow::Resul
         wait_until_held(&mut stack)?;
         seen.look_for_remains(&stack.world, &before);
     }
-    seen.tell(examples, report);
+    seen.tell(examples, report, wanted);
     let figure = format!(
         "{} and {bytes_before} bytes",
         stack.world.shared_memory_bytes()
@@ -176,6 +182,17 @@ fn kill(examples: &Examples, report: &mut Report, scale: Scale) -> anyhow::Resul
 }
 
 impl Seen {
+    /// The stage that was met least often, until each was met so many times, or was missed too often.
+    fn next_stage(&self, wanted: usize) -> Option<Stage> {
+        let of = |stage: &Stage| self.kills.get(stage).copied().unwrap_or_default();
+        let is_open = |stage: &Stage| {
+            let (kills, met) = of(stage);
+            met < wanted && kills < TRIES * wanted
+        };
+        let open = STAGES.into_iter().filter(is_open);
+        open.min_by_key(|stage| of(stage).0)
+    }
+
     /// Waits until nothing is there that was not there before, and notes what stays.
     fn look_for_remains(&mut self, world: &World, before: &BTreeSet<PathBuf>) {
         let known: BTreeSet<PathBuf> = before.union(&self.left).cloned().collect();
@@ -188,12 +205,11 @@ impl Seen {
         }
     }
 
-    fn tell(&self, examples: &Examples, report: &mut Report) {
+    fn tell(&self, examples: &Examples, report: &mut Report, wanted: usize) {
         for (stage, (kills, met)) in &self.kills {
             let line = examples.line(&format!("kills that came {}", stage.text()));
-            let bar = format!(">= {MET_SHARE} of them");
-            let is_met = *met as f64 >= MET_SHARE * *kills as f64;
-            report.check(&line, format!("{met} of {kills}"), &bar, is_met);
+            let bar = format!("{wanted}");
+            report.check(&line, format!("{met} of {kills}"), &bar, *met == wanted);
         }
         let line = "next requests after a kill that have their candidates";
         report.all_of(&examples.line(line), self.served, self.served_ms.len());
@@ -232,7 +248,7 @@ fn kill_at(stage: Stage, client: &mut Process, events: &Events) -> anyhow::Resul
 
 /// How long a client takes that nobody kills, s.
 struct Usual {
-    /// From its start until its request is sent.
+    /// From when its node is there until its request is sent.
     joining_s: f64,
     /// From then until its answer is sent.
     asking_s: f64,
@@ -256,8 +272,9 @@ impl Usual {
         side: f64,
     ) -> anyhow::Result<Self> {
         events.forget()?;
+        let others = nodes(&stack.world);
         let mut client = start(examples, stack, side)?;
-        // Starting it looks first whether it is built.
+        wait_for_node(&stack.world, &others)?;
         let begun = Instant::now();
         heard(&events.asked).with_context(|| client.log())?;
         let joining_s = begun.elapsed().as_secs_f64();
@@ -286,30 +303,55 @@ fn heard(events: &EventListener) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Waits until a client is at a stage, and a random moment longer.
-fn wait_for_stage(
-    stage: Stage,
-    events: &Events,
-    usual: &Usual,
-    random: &mut Pcg64,
-) -> anyhow::Result<()> {
-    let longest_s = match stage {
-        Stage::Joining => usual.joining_s,
-        Stage::Asking => {
-            heard(&events.asked)?;
-            ASKING_SHARE * usual.asking_s
-        }
-        Stage::Answered => {
-            heard(&events.answered)?;
-            0.5e-3
-        }
-        Stage::Waiting => {
-            heard(&events.answered)?;
-            0.5
-        }
-    };
-    sleep(Duration::from_secs_f64(random.random_range(0.0..longest_s)));
+/// Names of the nodes that are there or being made.
+fn nodes(world: &World) -> BTreeSet<OsString> {
+    let entries = fs::read_dir(world.options.root.join("nodes"));
+    let entries = entries.into_iter().flatten().flatten();
+    entries.map(|entry| entry.file_name()).collect()
+}
+
+/// Waits until a node is made beside these others.
+fn wait_for_node(world: &World, others: &BTreeSet<OsString>) -> anyhow::Result<()> {
+    let begun = Instant::now();
+    while nodes(world).is_subset(others) {
+        anyhow::ensure!(begun.elapsed() < STARTED_WITHIN, "no node was made");
+        sleep(LOOK);
+    }
     Ok(())
+}
+
+/// How a client's stages are told from outside.
+struct Instants<'a> {
+    events: &'a Events,
+    world: &'a World,
+    /// The nodes before it was started.
+    others: &'a BTreeSet<OsString>,
+}
+
+impl Instants<'_> {
+    /// Waits until the client is at a stage, and a random moment longer.
+    fn wait_for(&self, stage: Stage, usual: &Usual, random: &mut Pcg64) -> anyhow::Result<()> {
+        let longest_s = match stage {
+            Stage::Joining => {
+                wait_for_node(self.world, self.others)?;
+                usual.joining_s
+            }
+            Stage::Asking => {
+                heard(&self.events.asked)?;
+                ASKING_SHARE * usual.asking_s
+            }
+            Stage::Answered => {
+                heard(&self.events.answered)?;
+                0.5e-3
+            }
+            Stage::Waiting => {
+                heard(&self.events.answered)?;
+                0.5
+            }
+        };
+        sleep(Duration::from_secs_f64(random.random_range(0.0..longest_s)));
+        Ok(())
+    }
 }
 
 /// Joins as the next client, as soon as there is a place, and plans; whether that has given all candidates that were wanted, and how long it

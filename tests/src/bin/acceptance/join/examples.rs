@@ -5,9 +5,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail, ensure};
 use client::ScenePublisher;
+use pcc_model::Robot;
 use shared_types::codes::LoopState;
 use shared_types::ipc::{IpcNode, newest, scene_service, subscriber};
 use shared_types::valid::{ControllerState, Goal, PlanRequest};
+use tests::fnv1a;
 use tests::process::{Process, TimedOut, wait_for};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
@@ -15,6 +17,8 @@ use tests::world::{Settings, World};
 use super::lines;
 use crate::report::Report;
 
+/// The examples of each language.
+pub(super) const NAMES: [&str; 5] = ["plan", "watch", "scene", "drive", "follow"];
 /// A tip that the unit robot reaches from rest.
 pub(super) const TIP_M: [f64; 3] = [1.0, 0.5, 2.3];
 /// How long an example may take that ends by itself.
@@ -59,8 +63,8 @@ pub(super) struct Examples {
     pub(super) watched: [&'static str; 2],
     /// Builds what is missing of an example.
     pub(super) program: fn(&str) -> anyhow::Result<Program>,
-    /// Builds the program `other_robot` beside this file.
-    pub(super) other_robot: fn() -> anyhow::Result<Program>,
+    /// Builds the program `asks` beside this file.
+    pub(super) asks: fn() -> anyhow::Result<Program>,
     /// How that program is told its robot file.
     pub(super) told_robot: fn(&Path) -> anyhow::Result<String>,
 }
@@ -81,9 +85,9 @@ impl Examples {
         report.group(&group("follow trajectories"), self.command, |report| {
             self.follow(report)
         });
-        let command = "tests/src/bin/acceptance/join/other_robot.*";
+        let command = "tests/src/bin/acceptance/join/asks*";
         report.group(&group("another robot"), command, |report| {
-            self.other_robot(report, &(self.other_robot)()?)
+            self.other_robot(report, &(self.asks)()?)
         });
         report.group(&group("no arguments"), self.command, |report| {
             self.usage(report)
@@ -275,7 +279,8 @@ impl Examples {
         Ok(state)
     }
 
-    /// A client that states its robot file is refused by a daemon of another one alone.
+    /// A client that states its robot file is refused by a daemon of another one, which names both; by one of the same it receives the
+    /// bytes that a client in Rust receives for the same request.
     fn other_robot(&self, report: &mut Report, program: &Program) -> anyhow::Result<()> {
         let mut stack = Stack::new(&Settings::default());
         let own = stack.world.config("robots/unit.toml");
@@ -284,24 +289,40 @@ impl Examples {
         std::fs::write(&other, robot.replace("name = \"", "name = \"another "))?;
         stack.start(Part::Daemon);
         stack.client.wait_for_daemon(PATIENCE)?;
-        for (file, what, expected) in [
-            (&own, "of the daemon's robot file", "ok"),
-            (&other, "of another robot file", "wrong robot"),
-        ] {
-            let before = program.arguments.iter().cloned();
-            let all: Vec<String> = before.chain([(self.told_robot)(file)?]).collect();
-            let all: Vec<&str> = all.iter().map(String::as_str).collect();
-            let mut asking = Process::start_program(&stack.world, &program.path, &all);
-            let status = asking.wait(LIMIT)?;
-            ensure!(status.success(), "other_robot: {status}: {}", asking.log());
-            let told = asking.log().trim().to_owned();
-            let line = self.line(&format!("outcome for a client {what}"));
-            let names_both =
-                told.contains("the request is for robot") && told.contains("plans for robot");
-            let passed = told.starts_with(expected) && (names_both || expected == "ok");
-            report.check(&line, told, expected, passed);
-        }
+        let request = PlanRequest {
+            candidate_count: 10,
+            ..PlanRequest::new([0.0; 6], Goal::tip(TIP_M))
+        };
+        let answer = stack.client.plan(&request, PATIENCE)?;
+        let received = format!("10 candidates {:016x}", fnv1a::of_knots(&answer));
+        drop(answer);
+        let told = self.asked(&stack.world, program, &own)?;
+        let line = self.line("bytes of the candidates' knots as received");
+        let is_same = told.starts_with("ok") && told.ends_with(&received);
+        report.check(&line, told, &format!("ok, {received} as in Rust"), is_same);
+        let told = self.asked(&stack.world, program, &other)?;
+        let [own, other] = [&own, &other].map(|file| Robot::from_file(file));
+        let names = format!(
+            "wrong robot: the request is for robot {:016x}, this daemon plans for robot {:016x}",
+            other?.hash(),
+            own?.hash()
+        );
+        let line = self.line("outcome for a client of another robot file");
+        let is_refused =
+            told.starts_with(&names) && told.ends_with("0 candidates cbf29ce484222325");
+        report.check(&line, told, &names, is_refused);
         Ok(())
+    }
+
+    /// What the program `asks` says as a client of a robot file.
+    fn asked(&self, world: &World, program: &Program, file: &Path) -> anyhow::Result<String> {
+        let before = program.arguments.iter().cloned();
+        let all: Vec<String> = before.chain([(self.told_robot)(file)?]).collect();
+        let all: Vec<&str> = all.iter().map(String::as_str).collect();
+        let mut asking = Process::start_program(world, &program.path, &all);
+        let status = asking.wait(LIMIT)?;
+        ensure!(status.success(), "asks: {status}: {}", asking.log());
+        Ok(asking.log().trim().to_owned())
     }
 
     /// Without arguments each says in a line what it wants, and ends.
@@ -321,6 +342,14 @@ impl Examples {
 
     fn lines(&self, report: &mut Report) -> anyhow::Result<()> {
         let counted = lines::count(&self.folder, self.ending, self.shared, self.of_all)?;
+        let is_counted = |name: &str| {
+            counted
+                .iter()
+                .any(|it| it.name == format!("{name}.{}", self.ending))
+        };
+        let missing = NAMES.iter().filter(|name| !is_counted(name));
+        let missing: Vec<String> = missing.map(|name| (*name).to_owned()).collect();
+        report.none_of(&self.line("examples that are not there"), &missing);
         let bar = format!("<= {}", self.most_lines);
         for example in counted {
             let figure = match example.from_shared.as_slice() {

@@ -28,28 +28,40 @@ const COMMAND: &str = "the commands in the blocks of docs/guides, one after the 
 struct Guide {
     page: &'static str,
     before: &'static [Part],
+    /// Whether a robot is held once the page's own programs run.
+    has_robot: bool,
 }
 
-const GUIDES: [Guide; 5] = [
+const GUIDES: [Guide; 6] = [
     Guide {
         page: "controller.md",
         before: &[Part::Daemon],
+        has_robot: true,
     },
     Guide {
         page: "motor-driver.md",
         before: &[Part::Daemon, Part::Controller],
+        has_robot: true,
     },
     Guide {
         page: "perception.md",
         before: &Part::ALL,
+        has_robot: true,
     },
     Guide {
         page: "robot-file.md",
         before: &[],
+        has_robot: false,
     },
     Guide {
         page: "replan.md",
         before: &Part::ALL,
+        has_robot: true,
+    },
+    Guide {
+        page: "latency.md",
+        before: &[Part::Daemon],
+        has_robot: false,
     },
 ];
 
@@ -98,7 +110,7 @@ impl Guide {
             }
             going_on.push((command, process));
             stack.client.wait_for_daemon(PATIENCE)?;
-            if !self.before.is_empty() {
+            if self.has_robot {
                 wait_until_held(&mut stack)?;
             }
         }

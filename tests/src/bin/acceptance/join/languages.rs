@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use anyhow::ensure;
 use tests::programs::repository;
 
-use super::examples::{Examples, Program};
+use super::examples::{Examples, NAMES, Program};
 use crate::paper_python::environment;
 
 /// Lines of its own that an example of a client may have.
@@ -17,8 +17,6 @@ const LINES: usize = 15;
 /// Compilers and their standards.
 const C: [&str; 2] = ["cc", "-std=c11"];
 const CPP: [&str; 2] = ["c++", "-std=c++20"];
-/// The examples of each language.
-const NAMES: [&str; 5] = ["plan", "watch", "scene", "drive", "follow"];
 
 pub(super) fn rust() -> Examples {
     Examples {
@@ -46,7 +44,7 @@ pub(super) fn rust() -> Examples {
             Ok(built(release()?.join("examples").join(name)))
         },
         // Built with this program.
-        other_robot: || Ok(built(release()?.join("other-robot"))),
+        asks: || Ok(built(release()?.join("asks"))),
         told_robot: by_path,
     }
 }
@@ -63,7 +61,7 @@ pub(super) fn c() -> Examples {
         need_arguments: &NAMES,
         watched: ["executing", "holding"],
         program: |name| compiled(&c_example(name, "c"), &C),
-        other_robot: || compiled(&beside("other_robot.c"), &C),
+        asks: || compiled(&beside("asks.c"), &C),
         told_robot: by_path,
     }
 }
@@ -80,7 +78,7 @@ pub(super) fn cpp() -> Examples {
         need_arguments: &NAMES,
         watched: ["executing", "holding"],
         program: |name| compiled(&c_example(name, "cpp"), &CPP),
-        other_robot: || compiled(&beside("other_robot.cpp"), &CPP),
+        asks: || compiled(&beside("asks.cpp"), &CPP),
         told_robot: by_path,
     }
 }
@@ -100,7 +98,7 @@ pub(super) fn python() -> Examples {
             let script = repository().join(format!("clients/python/examples/{name}.py"));
             Ok(Program::script(python_client()?, &script))
         },
-        other_robot: || Ok(Program::script(python_client()?, &beside("other_robot.py"))),
+        asks: || Ok(Program::script(python_client()?, &beside("asks.py"))),
         told_robot: by_path,
     }
 }

@@ -11,6 +11,7 @@ mod python;
 mod records;
 mod servo_faults;
 mod servos;
+mod stamped_replies;
 mod stamps;
 mod transport;
 mod wire_changes;

@@ -45,8 +45,8 @@ fn examples() -> Examples {
             let script = repository().join(format!("clients/plain-python/{name}.py"));
             Ok(Program::script(plain_python()?, &script))
         },
-        other_robot: || {
-            let script = beside("other_robot_by_wire.py");
+        asks: || {
+            let script = beside("asks_by_wire.py");
             Ok(Program::script(plain_python()?, &script))
         },
         // It has no robot files: it is told the hash.
@@ -79,6 +79,16 @@ fn every_service(examples: &Examples, report: &mut Report) -> anyhow::Result<()>
         .map(|name| (*name).to_owned())
         .collect();
     report.none_of("plain Python: services that were not joined", &missing);
+    let unheard: Vec<&str> = said
+        .lines()
+        .filter(|line| line.contains("heard None"))
+        .collect();
+    report.check(
+        "plain Python: events that did not reach a listener",
+        format!("{unheard:?} of {}", EVENTS.len()),
+        "none",
+        unheard.is_empty() && said.matches(": heard ").count() == EVENTS.len(),
+    );
     // What is sent all the time while the robot holds.
     for name in [
         "setpoint",

@@ -1,21 +1,24 @@
 //! Records: requests asked again are answered the same, what is missing is noticed, and what a killed recorder wrote can be read.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::mem::offset_of;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, ensure};
 use client::GoalSender;
 use mcap::read::MessageStream;
 use mcap::{Message, Writer};
+use rand::RngExt;
 use shared_types::codes::GoalState;
 use shared_types::message::{Goal as WireGoal, PlanRecord, PlanReport, PlanRequest as WireRequest};
 use shared_types::valid::{Goal, PlanRequest};
+use tests::geometry::seeded;
+use tests::mixed_requests::mixed_requests;
 use tests::process::{Process, wait_for};
 use tests::programs::repository;
 use tests::stack::{PATIENCE, Stack};
@@ -30,10 +33,16 @@ use crate::scale::Scale;
 const KEPT_TIP_M: [f64; 3] = [1.0, -0.6, 2.2];
 /// How long a program may take to record or to replay.
 const LIMIT: Duration = Duration::from_secs(600);
-/// Plans that are recorded before the recorder is killed.
-const KILLED: usize = 50;
+/// Of so many requests one is of every kind.
+const MIXED_ONE_IN: usize = 10;
+/// How long a recorder records before it is killed.
+const KILLED_AFTER: Range<Duration> = Duration::from_millis(700)..Duration::from_millis(1_700);
+/// Seed of when it is killed.
+const SEED: u64 = 9_411;
 /// Byte of a number whose lowest bit is some tenths of it: only a plan for another goal reaches that.
 const TENTHS: usize = 6;
+/// Topic of the last message, which tells how many there are of each.
+const COUNTS: &str = "/message_counts";
 /// Time in which a recorder has written what came before.
 const WRITTEN: Duration = Duration::from_millis(600);
 
@@ -46,22 +55,14 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
 fn records(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let mut stack = Stack::running(&Settings::default())?;
     let whole = stack.world.folder().join("whole.mcap");
-    let requests = scale.pick("1000", "10000");
+    let requests = scale.pick(1_000, 10_000);
     record(report, &mut stack, &whole, requests)?;
-    replayed(report, &stack, &whole, requests.parse()?)?;
+    replayed(report, &stack, &whole, requests)?;
     dropped(report, &stack, &whole)?;
     changed(report, &stack, &whole)?;
-    let killed = killed(report, &mut stack)?;
+    killed(report, &mut stack, scale.pick(2, 20))?;
     // The motion's plan, and at least one to the goal that stays.
-    let least = requests.parse::<usize>()? + 2;
-    by_another_reader(report, "whole", &whole, least..=usize::MAX, true)?;
-    by_another_reader(
-        report,
-        "of a killed recorder",
-        &killed,
-        KILLED..=KILLED,
-        false,
-    )
+    by_another_reader(report, "whole", &whole, requests + 2..=usize::MAX, true)
 }
 
 /// Plans of a file by the MCAP reader of another project; it may end early where its recorder was killed.
@@ -84,29 +85,41 @@ fn by_another_reader(
         &format!("records: a file {name}, as the MCAP reader of another project reads it: plans"),
         format!("{plans} of {counts:?}"),
         &bar,
-        expected.contains(&plans)
-            && has("/picture")
-            && has("cycle")
-            && has("/message_counts") == is_whole,
+        expected.contains(&plans) && has("/picture") && has("cycle") && has(COUNTS) == is_whole,
     );
     Ok(())
 }
 
-/// Records so many requests of another program, and a motion.
+/// Records so many requests, most of another program, and a motion.
 fn record(
     report: &mut Report,
     stack: &mut Stack,
     whole: &Path,
-    requests: &str,
+    requests: usize,
 ) -> anyhow::Result<()> {
     let mut recorder = start_recorder(stack, whole)?;
+    let mixed = requests / MIXED_ONE_IN;
+    let others = (requests - mixed).to_string();
     let mut asking = Process::start(
         &stack.world,
         "pcc",
-        &["latency", "--requests", requests, "--warm-up", "0"],
+        &["latency", "--requests", &others, "--warm-up", "0"],
     );
     let status = asking.wait(LIMIT)?;
     ensure!(status.success(), "pcc latency: {}", asking.log());
+    let mut outcomes = BTreeMap::<String, usize>::new();
+    for request in mixed_requests(&stack.world.unit_robot(), mixed) {
+        let request = PlanRequest {
+            ignores_live_scene: true,
+            ..request
+        };
+        let outcome = stack.client.plan(&request, PATIENCE)?.report().outcome;
+        *outcomes.entry(outcome.to_string()).or_default() += 1;
+    }
+    report.shown(
+        "records: outcomes of the requests in scenes, in motion, to tips and configurations, by all rules of selection",
+        format!("{outcomes:?}, beside {others} of `pcc latency`"),
+    );
     let moving = PlanRequest {
         candidate_count: 10,
         execute: true,
@@ -181,14 +194,19 @@ fn dropped(report: &mut Report, stack: &Stack, whole: &Path) -> anyhow::Result<(
     let dropped = stack.world.folder().join("dropped.mcap");
     let robot_file = stack.world.config("robots/unit.toml").display().to_string();
     let robot = ["--robot", &robot_file];
-    let cases: [(Place, &str, &[&str]); 5] = [
-        (Place::First, "plan_record", &[]),
-        (Place::Middle, "plan_record", &[]),
-        (Place::Last, "plan_record", &[]),
-        (Place::Middle, "cycle", &robot),
-        (Place::Last, "trajectory", &robot),
+    let mut cases: Vec<(Place, String, &[&str])> = vec![
+        (Place::First, "plan_record".to_owned(), &[]),
+        (Place::Last, "plan_record".to_owned(), &[]),
+        (Place::Middle, "cycle".to_owned(), &robot),
+        (Place::Last, "trajectory".to_owned(), &robot),
     ];
-    for (place, topic, arguments) in cases {
+    let of_each = topics(whole)?.into_iter().map(|topic| {
+        let arguments: &[&str] = &[];
+        (Place::Middle, topic, arguments)
+    });
+    cases.extend(of_each);
+    for (place, topic, arguments) in &cases {
+        let (place, topic) = (*place, topic.as_str());
         without_one(whole, &dropped, topic, place)?;
         let told = replay(stack, &dropped, arguments)?;
         let told_of = told.text.contains("missing") && told.text.contains(topic);
@@ -226,28 +244,45 @@ fn changed(report: &mut Report, stack: &Stack, whole: &Path) -> anyhow::Result<(
     Ok(())
 }
 
-/// The file of a recorder that is killed is replayed; its path.
-fn killed(report: &mut Report, stack: &mut Stack) -> anyhow::Result<PathBuf> {
-    let killed = stack.world.folder().join("killed.mcap");
-    let mut recorder = start_recorder(stack, &killed)?;
-    let request = PlanRequest {
-        candidate_count: 10,
-        ignores_live_scene: true,
-        ..PlanRequest::new([0.0; 6], Goal::tip(TIP_M))
-    };
-    for _ in 0..KILLED {
-        stack.client.plan(&request, PATIENCE)?;
+/// The file of a recorder that is killed while it records has what was answered before it wrote last, is read by another project and replayed.
+fn killed(report: &mut Report, stack: &mut Stack, times: usize) -> anyhow::Result<()> {
+    let mut random = seeded(SEED);
+    for time in 0..times {
+        let killed = stack.world.folder().join(format!("killed-{time}.mcap"));
+        let mut recorder = start_recorder(stack, &killed)?;
+        let begun = Instant::now();
+        let lasts = random.random_range(KILLED_AFTER);
+        let request = PlanRequest {
+            candidate_count: 10,
+            ignores_live_scene: true,
+            ..PlanRequest::new([0.0; 6], Goal::tip(TIP_M))
+        };
+        let mut answered = Vec::new();
+        while begun.elapsed() < lasts {
+            stack.client.plan(&request, PATIENCE)?;
+            answered.push(begun.elapsed());
+        }
+        recorder.kill9();
+        let written = answered.partition_point(|at| *at + WRITTEN < lasts);
+        let told = replay(stack, &killed, &[])?;
+        let expected = written..=answered.len();
+        report.check(
+            "records: plans of a recorder that was killed under load, asked again",
+            told.text.replace('\n', "; "),
+            &format!("{expected:?} the same"),
+            told.succeeded && written > 0 && expected.contains(&told.first_number()),
+        );
+        by_another_reader(report, "of a killed recorder", &killed, expected, false)?;
     }
-    std::thread::sleep(WRITTEN);
-    recorder.kill9();
-    let told = replay(stack, &killed, &[])?;
-    report.check(
-        "records: plans of a recorder that was killed",
-        told.text.replace('\n', "; "),
-        &format!("{KILLED} the same"),
-        told.succeeded && told.first_number() == KILLED,
-    );
-    Ok(killed)
+    Ok(())
+}
+
+/// The topics of a file but for its last message.
+fn topics(file: &Path) -> anyhow::Result<BTreeSet<String>> {
+    let bytes = fs::read(file)?;
+    let topics = messages(&bytes)?.into_iter();
+    let topics = topics.map(|message| message.channel.topic.clone());
+    Ok(topics.filter(|topic| topic != COUNTS).collect())
 }
 
 fn start_recorder(stack: &Stack, file: &Path) -> anyhow::Result<Process> {

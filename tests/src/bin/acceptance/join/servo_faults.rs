@@ -21,6 +21,8 @@ const UNDER_WAY_S: f64 = 0.3;
 const LOOKED_AT: Duration = Duration::from_secs(2);
 /// Lateness of replies that come in the next cycle, of 4 ms, while the driver waits for that one's.
 const LATER_THAN_A_CYCLE: Duration = Duration::from_millis(5);
+/// Time in which the servos have come to where they are held.
+const SETTLED: Duration = Duration::from_millis(200);
 /// Speed of a line that is too slow, bit/s.
 const SLOW_BAUD: u32 = 57_600;
 /// Status of a servo that is overloaded (e-manual, "Hardware Error Status").
@@ -199,9 +201,8 @@ impl Case {
             "the motion ended otherwise"
         );
         self.recover(&mut all)?;
-        let id = all
-            .stack
-            .begin_motion(Goal::tip([TIP_M[0], -TIP_M[1], TIP_M[2]]))?;
+        let to = [TIP_M[0], -TIP_M[1], TIP_M[2]];
+        let id = all.stack.begin_motion(Goal::tip(to))?;
         let ended = all.stack.wait_for_end(id);
         let figure = ended
             .as_ref()
@@ -212,6 +213,11 @@ impl Case {
             "reached, without a fault",
             ended.is_ok(),
         );
+        sleep(SETTLED);
+        let shape_rad = all.stack.world.body().explain(&all.bank.lengths_m());
+        let error = tip_error(&all.stack.world.robot, &shape_rad.configuration, &to);
+        let line = self.line("tip error afterwards by the lengths that the servos have wound, m");
+        report.at_most(&line, error, 0.03);
         Ok(())
     }
 

@@ -17,6 +17,7 @@ use shared_types::ipc::{
 use shared_types::message::{PlanRecord, PlanRequest};
 use tests::world::{Settings, World};
 
+use super::stamped_replies::{DIGITS, StampedReply};
 use super::transport::{daemon, latency};
 use crate::report::Report;
 use crate::spread::median;
@@ -33,9 +34,6 @@ const WARM_UP: usize = 50;
 const SEEDS_APART: u64 = 1_000_000;
 /// No record comes for so long once a turn is over.
 const SILENCE: Duration = Duration::from_millis(100);
-/// How far a percentile of a histogram of three digits may be from the value.
-const DIGITS: f64 = 1e-3;
-
 pub(super) fn run(report: &mut Report) {
     let command = "pcc latency --requests COUNT --json FILE --stamps FILE";
     report.group("latency: another program's stamps", command, stamps);
@@ -127,22 +125,13 @@ impl Told {
         Ok(Self {
             p50_ms: p50_ms.context("no median")?,
             planned: plans["planned"].as_u64().context("no count")? as usize,
-            stamped_ms: stamped_ms(&std::fs::read_to_string(&file)?),
+            stamped_ms: StampedReply::all(&std::fs::read_to_string(&file)?)
+                .iter()
+                .map(StampedReply::took_ms)
+                .collect(),
             requests,
         })
     }
-}
-
-/// Round trips of a file of stamps, ms.
-fn stamped_ms(text: &str) -> Vec<f64> {
-    let of_line = |line: &str| {
-        let stamps: Vec<f64> = line.split(' ').filter_map(|it| it.parse().ok()).collect();
-        let [_due, sent, answered] = stamps.as_slice() else {
-            return None;
-        };
-        Some((answered - sent) * 1e-6)
-    };
-    text.lines().filter_map(of_line).collect()
 }
 
 /// What the daemon says that it was asked for, received by a thread that also runs in the other program's turns: it takes as much from both.

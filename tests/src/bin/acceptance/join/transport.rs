@@ -1,6 +1,7 @@
 //! What the transport costs, and that `pcc latency` tells the truth of it.
 
-use std::fs;
+use std::fs::{self, File};
+use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::time::Duration;
 
@@ -11,11 +12,13 @@ use shared_types::codes::Outcome;
 use shared_types::message::{Knot, PlanReport};
 use shared_types::valid;
 
+use tests::fnv1a;
 use tests::process::Process;
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 
 use super::examples::TIP_M;
+use super::stamped_replies::{DIGITS, StampedReply};
 use crate::report::Report;
 use crate::scale::Scale;
 
@@ -25,6 +28,10 @@ const LIMIT: Duration = Duration::from_secs(900);
 const CLIENTS: u32 = 4;
 /// Requests a second that no daemon on two processors plans.
 const OVERLOAD: u32 = 5_000;
+/// How far the rate at which requests are due may be off: the clients do not begin at the same instant.
+const RATE_OFF: f64 = 0.01;
+/// Percentiles of an open loop, by their names.
+const PERCENTILES: [(&str, f64); 4] = [("p50", 0.5), ("p90", 0.9), ("p99", 0.99), ("p99.9", 0.999)];
 /// What the planner `null` answers.
 const CANDIDATES: usize = 10;
 const KNOTS: usize = 64;
@@ -144,7 +151,8 @@ fn text_of(window: &Value) -> anyhow::Result<String> {
     ))
 }
 
-/// The reader's knots lie in a shared file at the place at which the daemon has them.
+/// The reader's knots are those that the daemon has: the same place of the same shared file, by the addresses of both, and the daemon's memory
+/// has these bytes there.
 fn no_copies(report: &mut Report) -> anyhow::Result<()> {
     let mut stack = daemon(&Settings::default())?;
     let request = valid::PlanRequest {
@@ -153,25 +161,31 @@ fn no_copies(report: &mut Report) -> anyhow::Result<()> {
     };
     let answer = stack.client.plan(&request, PATIENCE)?;
     let daemon = stack.process(Part::Daemon).pid();
-    let mut copied = Vec::new();
+    let (mut elsewhere, mut addresses) = (Vec::new(), Vec::new());
     for (index, candidate) in answer.candidates().enumerate() {
         let address = candidate.knots.as_ptr() as usize;
-        let Some(shared) = Mapping::containing("self", address)? else {
-            copied.push(format!("candidate {index} lies in no mapping"));
+        let shared = Mapping::containing("self", address)?;
+        let place = match shared.filter(|it| it.file.starts_with("/dev/shm/")) {
+            Some(shared) => shared.place_in(daemon, address)?,
+            None => None,
+        };
+        let Some(place) = place else {
+            elsewhere.push(format!("candidate {index} at {address:#x}"));
             continue;
         };
-        let is_shared = shared.file.starts_with("/dev/shm/");
-        if !is_shared || !shared.is_mapped_by(daemon)? {
-            copied.push(format!("candidate {index} lies in {:?}", shared.file));
+        addresses.push(format!("{address:#x} = {place:#x}"));
+        let expected: Vec<u8> = fnv1a::bytes_of(candidate.knots).collect();
+        if memory_of(daemon, place, expected.len())? != expected {
+            elsewhere.push(format!("candidate {index}: other bytes at {place:#x}"));
         }
     }
-    let line = "transport: candidates of ten that lie elsewhere than in shared memory that the daemon has mapped, by address";
-    report.none_of(line, &copied);
-    report.all_of(
-        "transport: candidates looked at",
-        answer.candidates().len(),
-        10,
+    report.shown(
+        "transport: addresses of the candidates' knots, the reader's = the daemon's",
+        addresses.join(", "),
     );
+    let line = "transport: candidates of ten that lie elsewhere than in the daemon's own shared memory, by address";
+    report.none_of(line, &elsewhere);
+    report.all_of("transport: candidates looked at", addresses.len(), 10);
     Ok(())
 }
 
@@ -179,6 +193,8 @@ fn no_copies(report: &mut Report) -> anyhow::Result<()> {
 struct Mapping {
     begin: usize,
     end: usize,
+    /// Of the mapping's begin in the file.
+    offset: usize,
     inode: String,
     file: String,
 }
@@ -192,7 +208,8 @@ impl Mapping {
             Some(Self {
                 begin: usize::from_str_radix(begin, 16).ok()?,
                 end: usize::from_str_radix(end, 16).ok()?,
-                inode: fields.nth(3)?.to_owned(),
+                offset: usize::from_str_radix(fields.nth(1)?, 16).ok()?,
+                inode: fields.nth(1)?.to_owned(),
                 file: fields.next().unwrap_or_default().to_owned(),
             })
         };
@@ -204,12 +221,24 @@ impl Mapping {
         Ok(all.find(|it| (it.begin..it.end).contains(&address)))
     }
 
-    fn is_mapped_by(&self, process: u32) -> anyhow::Result<bool> {
+    /// The address in another process of what is at an address of this mapping; none where that has not mapped it.
+    fn place_in(&self, process: u32, address: usize) -> anyhow::Result<Option<usize>> {
+        let at = address - self.begin + self.offset;
         let all = Self::all(&process.to_string())?;
-        Ok(all
+        let mut of_file = all
             .iter()
-            .any(|it| it.inode == self.inode && it.file == self.file))
+            .filter(|it| it.inode == self.inode && it.file == self.file);
+        let mapped = of_file.find(|it| (it.offset..it.offset + it.end - it.begin).contains(&at));
+        Ok(mapped.map(|it| it.begin + at - it.offset))
     }
+}
+
+/// What a process has at an address.
+fn memory_of(process: u32, address: usize, count: usize) -> anyhow::Result<Vec<u8>> {
+    let memory = File::open(Path::new("/proc").join(process.to_string()).join("mem"))?;
+    let mut bytes = vec![0; count];
+    memory.read_exact_at(&mut bytes, address as u64)?;
+    Ok(bytes)
 }
 
 /// What a load that comes at a fixed rate is answered, and by when.
@@ -232,21 +261,25 @@ fn open_loop(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         };
         load.run(report)?;
     }
-    let load = OpenLoop {
-        rate: OVERLOAD,
-        lasts_s: scale.pick(2, 10),
-        daemon: Settings {
-            daemon: vec![("queued_per_client", 1.into())],
-            ..Settings::default()
-        },
-        is_too_much: true,
+    let queue_of_one = Settings {
+        daemon: vec![("queued_per_client", 1.into())],
+        ..Settings::default()
     };
-    load.run(report)
+    for daemon in [Settings::default(), queue_of_one] {
+        let load = OpenLoop {
+            rate: OVERLOAD,
+            lasts_s: scale.pick(2, 10),
+            daemon,
+            is_too_much: true,
+        };
+        load.run(report)?;
+    }
+    Ok(())
 }
 
 impl OpenLoop {
     fn line(&self, what: &str) -> String {
-        let queue = match self.is_too_much {
+        let queue = match self.has_short_queue() {
             true => ", a queue of one for each client",
             false => "",
         };
@@ -256,14 +289,22 @@ impl OpenLoop {
         )
     }
 
+    fn has_short_queue(&self) -> bool {
+        !self.daemon.daemon.is_empty()
+    }
+
     fn run(&self, report: &mut Report) -> anyhow::Result<()> {
         let mut stack = daemon(&self.daemon)?;
         stack.disconnect_client();
+        let file = stack.world.folder().join("stamps.txt");
+        let stamps = file.display().to_string();
         let requests = self.rate * self.lasts_s;
         let [all, rate] = [requests, self.rate].map(|number| number.to_string());
         let clients = CLIENTS.to_string();
         let load = ["--clients", &clients, "--rate", &rate, "--requests", &all];
-        let measured = latency(&stack.world, &load)?;
+        let arguments = [&load[..], &["--stamps", &stamps]].concat();
+        let measured = latency(&stack.world, &arguments)?;
+        let replies = StampedReply::all(&fs::read_to_string(&file)?);
         let plans = &measured["plans"];
         self.percentiles(report, plans, "round trip", "round trips of plans, ms");
         self.percentiles(report, plans, "late to be sent", "late to be sent, ms");
@@ -278,19 +319,50 @@ impl OpenLoop {
         let overloaded = Outcome::Overloaded.to_string();
         let figure = plans["outcomes"].to_string();
         let line = self.line("outcomes by name");
-        if self.is_too_much {
+        self.arrivals(report, &replies);
+        if self.has_short_queue() {
             let bar = format!("`{overloaded}` more than once");
             report.check(&line, figure, &bar, count(&overloaded) > 1);
-        } else {
+        } else if self.is_too_much {
             report.shown(&line, figure);
+        } else {
+            let planned = plans["planned"].as_u64().unwrap_or(0);
+            report.check(&line, figure, "all planned", planned == u64::from(requests));
+            self.count_from_when_due(report, plans, &replies);
         }
         Ok(())
+    }
+
+    /// Whether requests were due at the rate, whatever became of those before.
+    fn arrivals(&self, report: &mut Report, replies: &[StampedReply]) {
+        let due = || replies.iter().map(|reply| reply.due_ns);
+        let lasted_ns = due().max().unwrap_or(0) - due().min().unwrap_or(0);
+        let rate = (replies.len() as f64 - 1.0) / (lasted_ns as f64 * 1e-9);
+        let line = self.line("|rate at which they were due ÷ that asked for − 1|");
+        report.at_most(&line, (rate / f64::from(self.rate) - 1.0).abs(), RATE_OFF);
+    }
+
+    /// Whether percentiles are those of the time from when a request was due until it was answered, by the stamps of each.
+    fn count_from_when_due(&self, report: &mut Report, plans: &Value, replies: &[StampedReply]) {
+        let mut took_ms: Vec<f64> = replies.iter().map(StampedReply::took_ms).collect();
+        took_ms.sort_by(f64::total_cmp);
+        let off = PERCENTILES.map(|(name, share)| {
+            let rank = (share * took_ms.len() as f64).ceil() as usize;
+            let stamped_ms = took_ms.get(rank.saturating_sub(1));
+            let told_ms = plans["times_ms"]["round trip"][name].as_f64();
+            (told_ms.unwrap_or(f64::NAN) / stamped_ms.unwrap_or(&f64::NAN) - 1.0).abs()
+        });
+        let largest = off.into_iter().reduce(f64::max).unwrap_or(f64::NAN);
+        let line = self.line(
+            "|percentile told ÷ that of the stamps, from due to answered, − 1|, largest of all",
+        );
+        report.at_most(&line, largest, DIGITS);
     }
 
     /// Percentiles of a distribution, which must all be known and rise.
     fn percentiles(&self, report: &mut Report, plans: &Value, name: &str, what: &str) {
         let of = |percentile: &&str| plans["times_ms"][name][percentile].as_f64();
-        let names = ["p50", "p90", "p99", "p99.9"];
+        let names = PERCENTILES.map(|(name, _)| name);
         let known: Vec<f64> = names.iter().filter_map(of).collect();
         let rise = known.windows(2).all(|pair| pair[0] <= pair[1]);
         let are_known = known.len() == names.len() && known.iter().all(|ms| ms.is_finite());

@@ -24,7 +24,7 @@ struct Change {
     to: &'static str,
 }
 
-const CHANGES: [Change; 6] = [
+const CHANGES: [Change; 8] = [
     Change {
         what: "a service's buffer",
         file: "shared-types/src/ipc/topic.rs",
@@ -54,6 +54,18 @@ const CHANGES: [Change; 6] = [
         file: "shared-types/src/message/plan.rs",
         from: "Length of the tip's path, metres.\n        pub tip_path_m: f64,\n        /// Least distance of the body's surface to an obstacle, metres; infinite without obstacles.\n        pub clearance_m: f64,",
         to: "Least distance of the body's surface to an obstacle, metres; infinite without obstacles.\n        pub clearance_m: f64,\n        /// Length of the tip's path, metres.\n        pub tip_path_m: f64,",
+    },
+    Change {
+        what: "a message's name",
+        file: "shared-types/src/message/heartbeat.rs",
+        from: "\"pcc.v7.Heartbeat\"",
+        to: "\"pcc.v7.Heart\"",
+    },
+    Change {
+        what: "a service's name",
+        file: "shared-types/src/ipc/topic.rs",
+        from: "name: \"scene_status\"",
+        to: "name: \"scene_state\"",
     },
     Change {
         what: "a field's meaning",

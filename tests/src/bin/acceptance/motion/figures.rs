@@ -166,6 +166,9 @@ impl Figures {
         for motion in &heard.motions {
             self.look_at_motion(body, motion, &heard.motions, balls);
         }
+        for motion in heard.motions.iter().filter(|it| it.leaves.is_none()) {
+            self.note_begin_at_rest(motion, heard);
+        }
         for motion in heard.motions.iter().filter(|it| it.leaves.is_some()) {
             let asked = self.published.get(&motion.id);
             let asked = asked.map(|it| (it.asked.at, it.asked.mono_ns));
@@ -200,6 +203,19 @@ impl Figures {
             .collect();
         let executed = body.least_clearance(&setpoints, |_| balls).at_least_m();
         lower(&mut self.clearance_m[1], executed);
+    }
+
+    /// Counts the whole time until the first set-point where a request found the robot in motion and its motion begins at rest.
+    fn note_begin_at_rest(&mut self, motion: &Published, heard: &Heard) {
+        let asked = self.published.get(&motion.id);
+        let Some(AskedMotion { asked, .. }) = asked.filter(|it| it.in_motion) else {
+            return;
+        };
+        let first_ns = first_followed(&heard.cycles, motion.id);
+        let took_ms = first_ns.map_or(f64::INFINITY, |first_ns| {
+            (first_ns - asked.mono_ns) as f64 * 1e-6
+        });
+        self.to_setpoint_ms.push((asked.at, took_ms));
     }
 
     /// Notes how a begun motion ended where that is not as it was asked for.

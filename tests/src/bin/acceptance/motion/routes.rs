@@ -234,7 +234,8 @@ fn show(report: &mut Report, figures: &Figures) {
     let sets = figures.sets;
     let answered = figures.least_speeds.len();
     let asked = format!(
-        "{answered} of {sets}; refused: {:?}; {:.0} ms a request in the median",
+        "{answered} of {sets}, ten candidates, deadline {} s; refused: {:?}; {:.0} ms a request in the median",
+        NO_DEADLINE.as_secs(),
         figures.refused,
         quantile(&figures.took_ms, 0.5)
     );

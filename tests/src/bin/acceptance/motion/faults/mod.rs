@@ -72,7 +72,7 @@ fn show(
         outcome.ends == row.ends,
     );
     let notes = stand.notes();
-    report.shown(
+    report.check(
         &line("from the fault until rest"),
         format!(
             "{:.2} mm, {:.3} s, on the old path {}{notes}",
@@ -82,6 +82,8 @@ fn show(
                 .path_time_s
                 .map_or("none".to_owned(), |time_s| format!("{time_s:.3} s")),
         ),
+        "measured",
+        outcome.moved_mm.is_finite() && outcome.rests_after_s.is_finite(),
     );
     report.at_most(
         &line("distance of the set-points in motion from the path that they follow, rad"),

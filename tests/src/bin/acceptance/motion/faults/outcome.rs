@@ -30,7 +30,7 @@ pub(super) struct Outcome {
     pub(super) rests_after_s: f64,
     /// Path time of the motion that was to be left from the fault to where it ended, s; none where it was not stopped on it.
     pub(super) path_time_s: Option<f64>,
-    /// The largest distance of a set-point in motion from its path, rad.
+    /// The largest distance of a set-point in motion from its path, rad; not a number where none was seen.
     pub(super) off_path_rad: f64,
 }
 
@@ -64,7 +64,10 @@ impl Outcome {
             moved_mm,
             rests_after_s,
             path_time_s: path_time(robot, heard, joining.left, fault_ns),
-            off_path_rad: off_path.farthest_rad,
+            off_path_rad: match off_path.looked_at {
+                0 => f64::NAN,
+                _ => off_path.farthest_rad,
+            },
         }
     }
 }

@@ -374,6 +374,14 @@ fn show_kept(report: &mut Report, kept: &[Run], sent: &Verdict) {
         })
         .collect();
     report.none_of(&line("avoidable contacts"), &avoidable);
+    let all = || kept.iter().flat_map(|run| &run.touches);
+    let clear = all().filter(|touch| touch.stop_is_clear).count();
+    report.check(
+        &line("balls that a certified stop right after they were seen would have stayed clear of"),
+        format!("{clear} of {}", all().count()),
+        "> 0",
+        clear > 0,
+    );
     within_limits(report, &line, sent);
     no_offences(report, &line, sent);
 }
