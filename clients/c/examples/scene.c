@@ -10,6 +10,7 @@ int main(int count, char **argument) {
   for (int i = 0; i < 8; i++) number[i] = atof(argument[i + 1]);
   PccMovingBall ball = {{number[0], number[1], number[2]}, number[3], {number[4], number[5], number[6]}};
   PccScene *scene = pcc_scene_connect(NULL, NULL, "c-example");
+  if (!scene) return fprintf(stderr, "%s\n", pcc_last_error()), 1;
   for (double elapsed_s = 0.0; elapsed_s < number[7]; elapsed_s += 0.03, thrd_sleep(&(struct timespec){.tv_nsec = 30000000}, NULL)) {
     if (pcc_scene_publish(scene, &ball, 1, 0.2) < 0) return fprintf(stderr, "%s\n", pcc_last_error()), 1;
     for (int axis = 0; axis < 3; axis++) ball.centre_m[axis] += 0.03 * ball.velocity_m_s[axis];
