@@ -114,8 +114,8 @@ impl Events {
 struct Seen {
     /// Kills by stage, and those of them that met it.
     kills: BTreeMap<Stage, (usize, usize)>,
-    /// Next requests that have the candidates that were wanted.
-    served: usize,
+    /// What next requests were answered that have not the candidates that were wanted.
+    unserved: Vec<String>,
     served_ms: Vec<f64>,
     /// Files that were not there before the kills and stayed after a clean-up.
     left: BTreeSet<PathBuf>,
@@ -156,8 +156,9 @@ fn kill(examples: &Examples, report: &mut Report, scale: Scale) -> anyhow::Resul
             .with_context(|| format!("{stage:?}: {}", client.log()))?;
         *kills += 1;
         *met += usize::from(kill_at(stage, &mut client, &events)?);
-        let (is_served, took) = serve(&stack.world)?;
-        seen.served += usize::from(is_served);
+        let (unserved, took) = serve(&stack.world)?;
+        seen.unserved
+            .extend(unserved.map(|told| format!("{told} ({})", stage.text())));
         seen.served_ms.push(took.as_secs_f64() * 1e3);
         // What it has had begun is ended, so that the next one begins alike.
         stack.controller.command(Command::Stop, PATIENCE)?;
@@ -201,7 +202,10 @@ impl Seen {
         });
         if is_gone.is_err() {
             let now = world.shared_files();
-            self.left.extend(now.difference(&known).cloned());
+            for left in now.difference(&known) {
+                println!("  left behind: {}", left.display());
+                self.left.insert(left.clone());
+            }
         }
     }
 
@@ -211,8 +215,8 @@ impl Seen {
             let bar = format!("{wanted}");
             report.check(&line, format!("{met} of {kills}"), &bar, *met == wanted);
         }
-        let line = "next requests after a kill that have their candidates";
-        report.all_of(&examples.line(line), self.served, self.served_ms.len());
+        let line = "next requests after a kill that have not their candidates";
+        report.none_of(&examples.line(line), &self.unserved);
         let slowest_ms = self.served_ms.iter().copied().fold(0.0, f64::max);
         report.at_most(
             &examples.line("the next request after a kill, slowest, ms"),
@@ -354,19 +358,21 @@ impl Instants<'_> {
     }
 }
 
-/// Joins as the next client, as soon as there is a place, and plans; whether that has given all candidates that were wanted, and how long it
-/// took.
-fn serve(world: &World) -> anyhow::Result<(bool, Duration)> {
+/// Joins as the next client, as soon as there is a place, and plans; what it was answered where that has not given all candidates that were
+/// wanted, and how long it took.
+fn serve(world: &World) -> anyhow::Result<(Option<String>, Duration)> {
     let begun = Instant::now();
     let request = PlanRequest {
         candidate_count: SERVED_CANDIDATES,
         ..PlanRequest::new([0.0; 6], Goal::tip(TIP_M))
     };
-    let is_whole = wait_for("a place and an answer", PATIENCE, || {
+    let unserved = wait_for("a place and an answer", PATIENCE, || {
         let mut client = Client::connect(&world.options).ok()?;
         let answer = client.plan(&request, PATIENCE).ok()?;
-        let is_ok = answer.report().outcome == Outcome::Ok;
-        Some(is_ok && answer.candidates().len() == SERVED_CANDIDATES)
+        let (report, count) = (answer.report(), answer.candidates().len());
+        let is_whole = report.outcome == Outcome::Ok && count == SERVED_CANDIDATES;
+        let told = || format!("{count} candidates, {}: {}", report.outcome, report.reason);
+        Some((!is_whole).then(told))
     })?;
-    Ok((is_whole, begun.elapsed()))
+    Ok((unserved, begun.elapsed()))
 }
