@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from wire import Wire, newest, take_role
+from wire import Wire, first, newest, take_role
 
 PERIOD_S = 0.001
 LOST_NS = 20_000_000
@@ -16,8 +16,7 @@ descriptions = wire.service("robot_description").subscriber_builder().create()
 setpoints = wire.service("setpoint").subscriber_builder().create()
 states = wire.service("robot_state").publisher_builder().create()
 hearts = wire.service("heartbeat").publisher_builder().create()
-while (robot := newest(descriptions)) is None:
-    time.sleep(0.05)
+robot = first(descriptions)
 from_tendons = np.linalg.pinv(np.reshape(robot.tendon_matrix_m_rad, (9, 6))[: robot.tendon_count])
 heart = wire.new("Heartbeat", instance=time.monotonic_ns(), kind=wire.code("ProcessKind", "Robot"), pid=os.getpid())
 state = wire.new("RobotState", robot_hash=robot.robot_hash, state=wire.code("MotorState", "Idle"))

@@ -5,18 +5,18 @@ import time
 
 import numpy as np
 
-from wire import Wire, every, newest, take_role
+from wire import Wire, every, first, take_role
 
 # From position, velocity and acceleration at both ends of a piece of unit duration to the coefficients of its polynomial.
 QUINTIC = np.linalg.inv([[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 2, 0, 0, 0], [1] * 6, [0, 1, 2, 3, 4, 5], [0, 0, 2, 6, 12, 20]])
 
+REFUSALS = ["OtherController", "OtherDaemon", "OtherRobot", "RequestedBefore", "Busy", "StartsElsewhere"]
 wire = Wire()
 lock = take_role(wire, "controller")
 descriptions, trajectories, beats = (wire.service(n).subscriber_builder().create() for n in ("robot_description", "trajectory", "heartbeat"))
-while (robot := newest(descriptions)) is None:
-    time.sleep(0.05)
 hearts, states, results = (wire.service(n).publisher_builder().create() for n in ("heartbeat", "controller_state", "motion_result"))
 orders = wire.service("command").server_builder().create()
+robot = first(descriptions)
 begun = time.monotonic_ns()
 state = wire.new(
     "ControllerState", instance=begun, robot_hash=robot.robot_hash, state=wire.code("LoopState", "Holding"), rate=1.0,
@@ -50,15 +50,18 @@ while True:
     heard_ns = max([heard_ns, *(beat.stamp_mono_ns for beat in every(beats) if beat.instance == robot.instance)])
     while (order := orders.receive()) is not None:
         stops |= (is_stop := order.payload().contents.kind == wire.code("CommandKind", "Stop"))
-        order.send_copy(wire.new("CommandReply", command_id=order.payload().contents.command_id, accepted=int(is_stop and motion is not None)))
+        taken = is_stop and motion is not None
+        reply = {"accepted": int(taken), "state": state.state, "refusal": wire.code("CommandRefusal", "None" if taken else "NothingToDo")}
+        order.send_copy(wire.new("CommandReply", command_id=order.payload().contents.command_id, **reply))
     state.wanted_from_mono_ns = state.goals_from_mono_ns = now if stops else state.wanted_from_mono_ns
     for new in every(trajectories):
-        own = (new.controller_instance, new.daemon_instance, new.robot_hash, new.start) == (begun, robot.instance, robot.robot_hash, 0)
-        here = max(abs(a - b) for a, b in zip(new.knots[0].configuration_rad, state.commanded_configuration_rad)) < 1e-6
-        if motion is None and own and here and new.requested_mono_ns > state.wanted_from_mono_ns:
-            motion, state.trajectory_id, state.trajectory_time_s = new, new.trajectory_id, 0.0
+        away = max(abs(a - b) for a, b in zip(new.knots[0].configuration_rad, state.commanded_configuration_rad))
+        wrong = [new.controller_instance != begun, new.daemon_instance != robot.instance, new.robot_hash != robot.robot_hash,
+                 new.requested_mono_ns <= state.wanted_from_mono_ns, motion is not None, new.start != 0 or away > 1e-6]  # fmt: skip
+        if any(wrong):
+            tell(new, "Refused", refusal=wire.code("Refusal", REFUSALS[wrong.index(True)]))
         else:
-            tell(new, "Refused", refusal=wire.code("Refusal", "Malformed" if motion is None else "Busy"))
+            motion, state.trajectory_id, state.trajectory_time_s = new, new.trajectory_id, 0.0
     if motion and (stops or now - heard_ns > 200_000_000):
         tell(motion, "Stopped", state.trajectory_time_s, cause=wire.code("StopCause", "Command" if stops else "DaemonLost"))
         motion, state.state = None, wire.code("LoopState", "Holding")

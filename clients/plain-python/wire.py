@@ -11,6 +11,8 @@ import fcntl
 import json
 import os
 import re
+import sys
+import time
 from pathlib import Path
 
 import iceoryx2 as iox2
@@ -164,7 +166,11 @@ def default_root():
 def take_role(wire, role):
     """The lock of a role, `robot` or `controller`, which one process has at a time; it is held for as long as it is kept."""
     lock = open(f"{wire.root}/{wire.prefix}.{role}.lock", "a+")
-    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.seek(0)
+        sys.exit(f"a {role} already runs here (process {lock.read().strip()})")
     lock.truncate(0)
     lock.write(f"{os.getpid()}\n")
     lock.flush()
@@ -185,6 +191,13 @@ def newest(subscriber):
     message = None
     for message in every(subscriber):
         pass
+    return message
+
+
+def first(subscriber):
+    """A copy of the newest message, once there is one."""
+    while (message := newest(subscriber)) is None:
+        time.sleep(0.05)
     return message
 
 

@@ -159,7 +159,7 @@ mod tests {
     fn a_node_of_iceoryx2_is_whole_and_bears_its_maker() {
         let folder = TempDir::new().unwrap();
         let options = IpcOptions {
-            prefix: format!("halfmade{}", std::process::id()),
+            prefix: "test-half-made".to_owned(),
             root: folder.path().join("root"),
         };
         let node = IpcNode::create(&options, "whole").unwrap();
