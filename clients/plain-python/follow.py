@@ -10,7 +10,6 @@ from wire import Wire, every, first, take_role
 # From position, velocity and acceleration at both ends of a piece of unit duration to the coefficients of its polynomial.
 QUINTIC = np.linalg.inv([[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 2, 0, 0, 0], [1] * 6, [0, 1, 2, 3, 4, 5], [0, 0, 2, 6, 12, 20]])
 
-REFUSALS = ["OtherController", "OtherDaemon", "OtherRobot", "RequestedBefore", "Busy", "StartsElsewhere"]
 wire = Wire()
 lock = take_role(wire, "controller")
 descriptions, trajectories, beats = (wire.service(n).subscriber_builder().create() for n in ("robot_description", "trajectory", "heartbeat"))
@@ -50,16 +49,17 @@ while True:
     heard_ns = max([heard_ns, *(beat.stamp_mono_ns for beat in every(beats) if beat.instance == robot.instance)])
     while (order := orders.receive()) is not None:
         stops |= (is_stop := order.payload().contents.kind == wire.code("CommandKind", "Stop"))
-        taken = is_stop and motion is not None
-        reply = {"accepted": int(taken), "state": state.state, "refusal": wire.code("CommandRefusal", "None" if taken else "NothingToDo")}
+        refusal = "None" if is_stop and motion is not None else "NothingToDo"
+        reply = {"state": state.state, "accepted": int(refusal == "None"), "refusal": wire.code("CommandRefusal", refusal)}
         order.send_copy(wire.new("CommandReply", command_id=order.payload().contents.command_id, **reply))
     state.wanted_from_mono_ns = state.goals_from_mono_ns = now if stops else state.wanted_from_mono_ns
     for new in every(trajectories):
-        away = max(abs(a - b) for a, b in zip(new.knots[0].configuration_rad, state.commanded_configuration_rad))
-        wrong = [new.controller_instance != begun, new.daemon_instance != robot.instance, new.robot_hash != robot.robot_hash,
-                 new.requested_mono_ns <= state.wanted_from_mono_ns, motion is not None, new.start != 0 or away > 1e-6]  # fmt: skip
-        if any(wrong):
-            tell(new, "Refused", refusal=wire.code("Refusal", REFUSALS[wrong.index(True)]))
+        wrong = {"OtherController": new.controller_instance != begun, "OtherDaemon": new.daemon_instance != robot.instance, "Busy": motion is not None,
+                 "OtherRobot": new.robot_hash != robot.robot_hash, "RequestedBefore": new.requested_mono_ns <= state.wanted_from_mono_ns,
+                 "StartsElsewhere": new.start != 0 or not np.allclose(new.knots[0].configuration_rad, state.commanded_configuration_rad, 0.0, 1e-6)}  # fmt: skip
+        if refusals := [name for name, is_wrong in wrong.items() if is_wrong]:
+            state.refused_trajectory_id, state.refusal = new.trajectory_id, wire.code("Refusal", refusals[0])
+            tell(new, "Refused", refusal=state.refusal)
         else:
             motion, state.trajectory_id, state.trajectory_time_s = new, new.trajectory_id, 0.0
     if motion and (stops or now - heard_ns > 200_000_000):

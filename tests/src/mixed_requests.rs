@@ -1,4 +1,4 @@
-//! Requests of every kind that depend on nothing but themselves, without a deadline: general scenes of 0 to 8 and of 16 balls and hard ones in
+//! Mixed requests whose answers depend on nothing but themselves, without a deadline: general scenes of 0 to 8 and of 16 balls and hard ones in
 //! turn, all selection rules. Every 7th begins in motion, and every 13th asks for a configuration.
 
 use datasets::scenes::{Setting, Target, draw_target};

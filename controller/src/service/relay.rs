@@ -261,7 +261,7 @@ impl Relay {
         info!(id, path_time_s, origin, "motion {outcome}");
         match ended.ending {
             Ending::SetAside(_) => self.not_begun(id, &TrajectoryRefusal::SetAside),
-            Ending::Reached | Ending::Joined(_) | Ending::Stopped(_) => self.view.has_ended(ended),
+            Ending::Reached | Ending::Joined(_) | Ending::Stopped(_) => self.view.note_ended(ended),
         }
         self.results.ended(ended, self.view.fault_reason());
     }

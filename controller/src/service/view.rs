@@ -39,6 +39,8 @@ struct WaitingFor {
 pub(super) struct LoopView {
     settings: ExecutiveSettings,
     published: ControllerState,
+    /// Stamp of the cycle in which the named motion was followed, ns of CLOCK_MONOTONIC.
+    named_ns: i64,
     state: LoopState,
     fault: LoopFault,
     /// What happened when the fault was latched; empty without one.
@@ -59,6 +61,7 @@ impl LoopView {
         Self {
             settings,
             published,
+            named_ns: i64::MIN,
             state: LoopState::Starting,
             fault: LoopFault::None,
             fault_reason: String::new(),
@@ -132,19 +135,22 @@ impl LoopView {
         }
         self.memory = report.memory;
         self.count_lateness(output.late, report.lateness_ns);
-        if output.trajectory_id != 0 {
-            self.published.trajectory_id = output.trajectory_id;
+        let (id, stamp_ns) = (output.trajectory_id, output.stamp_ns);
+        if id != 0 {
+            self.name(id, stamp_ns);
         }
         self.latest = Some(report);
     }
 
     /// Notes a motion that was followed to its end: no cycle names one that began and ended in the same late cycle.
-    pub(super) fn has_ended(&mut self, ended: &EndedMotion) {
-        let follows_another = self.latest.as_ref().is_some_and(|latest| {
-            latest.output.trajectory_id != 0 && latest.output.stamp_ns >= ended.stamp_ns
-        });
-        if !follows_another {
-            self.published.trajectory_id = ended.motion.id;
+    pub(super) fn note_ended(&mut self, ended: &EndedMotion) {
+        self.name(ended.motion.id, ended.stamp_ns);
+    }
+
+    /// Names a motion that was followed in the cycle of this stamp, unless a later one, or that cycle itself, has named another.
+    fn name(&mut self, id: u32, stamp_ns: i64) {
+        if stamp_ns > self.named_ns {
+            (self.published.trajectory_id, self.named_ns) = (id, stamp_ns);
         }
     }
 

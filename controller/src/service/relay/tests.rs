@@ -232,6 +232,23 @@ fn a_motion_that_was_left_is_not_named_after_the_one_that_is_followed() {
 }
 
 #[test]
+fn a_cycle_that_is_told_late_does_not_name_a_motion_before_the_one_that_has_ended() {
+    let mut bench = Bench::new();
+    bench.report_cycle();
+    bench.send(8, |_| ());
+    bench.relay.round();
+    let motion = bench.handed_over().remove(0);
+    bench.world.last.as_mut().unwrap().trajectory_id = 7;
+    bench.world.last.as_mut().unwrap().stamp_ns = mono_now_ns();
+    bench.give_back(motion, Ending::Reached);
+    bench.relay.round();
+    bench.report_cycle();
+    bench.relay.round();
+    let told = bench.relay.view.message(&bench.relay.link.shared);
+    assert_eq!(told.trajectory_id, 8);
+}
+
+#[test]
 fn a_flood_of_trajectories_is_taken_some_at_a_time() {
     let mut bench = Bench::new();
     bench.report_cycle();

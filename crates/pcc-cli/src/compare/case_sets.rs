@@ -67,8 +67,8 @@ impl CaseSet {
     pub(super) fn left_out_html(name: &str) -> &'static str {
         match name {
             "reference" => {
-                "<p>As in the authors' generator, starts to which no path was kept have no case: more of those with balls than of those without, so that \
-                 scenes without balls weigh most. Figures by number of balls have no such weights.</p>"
+                "<p>A start for which the authors' generator keeps no path gives no case. That happens more often with balls, so that scenes without balls \
+                 weigh more in figures over all cases; figures by number of balls are not affected.</p>"
             }
             "hard" => {
                 "<p>Cases are kept only where straight segments collide and <code>rrt-connect</code> finds a path, so that its own share is high by \

@@ -280,7 +280,7 @@ fn cell(interval: &Interval, scale: f64, digits: usize) -> String {
 
 /// What the planner that all are paired with has over another one, said the same way whether it is ahead or not.
 fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
-    let less = |it: &Interval, scale: f64, digits: usize| {
+    let over = |it: &Interval, scale: f64, digits: usize| {
         let text = |value: Option<f64>| {
             value.map_or_else(
                 || "–".to_owned(),
@@ -289,7 +289,7 @@ fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
         };
         format!("{} [{}, {}]", text(it.value), text(it.high), text(it.low))
     };
-    let points = |it: &Interval| less(it, 100.0, 1);
+    let points = |it: &Interval| over(it, 100.0, 1);
     let shares = |own: &Interval, other: &Interval| {
         let text = |it: &Interval| {
             let value = it.value;
@@ -299,13 +299,13 @@ fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
     };
     let ratio = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |it| format!("{it:.3}"));
     format!(
-        "<li><code>{against}</code> and <code>{}</code>: certified {} points, success {} points, {} ms a request, {} modes; of {} cases that both solve, its median motion has \
-         the shorter tip in {}, the smoother tip in {}, and is the one that lasts shorter in {}; the other's tip length ÷ its own is {} in the mean, {} to {}. {}.</li>",
+        "<li><code>{against}</code> and <code>{}</code>: certified {} points, success {} points, its request takes {} ms more and has {} modes more; of {} cases that both solve, its median motion has \
+         the shorter tip in {}, the smoother tip in {}, and lasts shorter in {}; the other's tip length ÷ its own is {} in the mean, {} to {}. {}.</li>",
         other.planner,
         points(&paired.certified_ahead),
         points(&paired.success_ahead),
-        less(&paired.request_longer_s, 1e3, 2),
-        less(&paired.modes_ahead, 1.0, 1),
+        over(&paired.request_longer_s, 1e3, 2),
+        over(&paired.modes_ahead, 1.0, 1),
         paired.both,
         shares(&paired.tip_longer, &paired.tip_shorter),
         shares(&paired.tip_rougher, &paired.tip_smoother),

@@ -92,8 +92,8 @@ impl Report {
         }
     }
 
-    /// Runs one group of checks if it is wanted, unless an earlier run for this commit has come to its end. A group that breaks has failed,
-    /// also where a later run for this commit comes to its end.
+    /// Runs one group of checks if it is wanted, unless an earlier run for this commit has come to its end. A group that breaks has failed, and
+    /// what failed in a run that broke or was killed stays failed for this commit.
     pub(crate) fn group(
         &mut self,
         name: &str,
@@ -115,11 +115,10 @@ impl Report {
             known.filter(|check| check.group == name).for_each(print);
             return;
         }
-        let broke = runs_to_its_end(name);
-        let is_kept = |check: &Check| check.group != name || check.name == broke;
+        let is_kept = |check: &Check| check.group != name || !check.passed;
         self.record.checks.retain(is_kept);
         let before = self.record.checks.iter();
-        before.filter(|check| check.name == broke).for_each(print);
+        before.filter(|check| check.group == name).for_each(print);
         (self.group, self.command) = (name.to_owned(), command.to_owned());
         let _ = retries::take();
         let outcome = catch_unwind(AssertUnwindSafe(|| run(self)));
@@ -166,7 +165,7 @@ impl Report {
     }
 
     fn broke(&mut self, name: &str, error: &str) {
-        let name = runs_to_its_end(name);
+        let name = format!("{name}: the checks run to their end");
         self.check(&name, error.trim().to_owned(), "no error", false);
     }
 
@@ -247,11 +246,6 @@ impl Report {
         fs::write(&fresh, text).unwrap();
         fs::rename(fresh, file).unwrap();
     }
-}
-
-/// The check that a group fails whose run breaks.
-fn runs_to_its_end(group: &str) -> String {
-    format!("{group}: the checks run to their end")
 }
 
 fn print(check: &Check) {
@@ -382,6 +376,21 @@ mod unit {
         assert_eq!(second.record.checks.len(), 2);
         assert!(!second.finish());
         assert!(at("2", &file, "a").finish());
+    }
+
+    #[test]
+    fn what_failed_in_a_run_that_was_killed_stays_failed() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("chain.json");
+        let mut killed = at("1", &file, "a");
+        killed.group = "late".to_owned();
+        killed.at_most("figure", 3.0, 2.0);
+        let mut second = at("1", &file, "a");
+        second.group("late", "true", |report| {
+            report.at_most("figure", 1.0, 2.0);
+            Ok(())
+        });
+        assert!(!second.finish());
     }
 
     #[test]

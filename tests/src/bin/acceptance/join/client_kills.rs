@@ -34,7 +34,7 @@ const CLEANED_AFTER: Duration = Duration::from_secs(1);
 const STARTED_WITHIN: Duration = Duration::from_secs(5);
 /// Share of a request's usual time within which its client is killed while it asks: the answer may come sooner.
 const ASKING_SHARE: f64 = 0.5;
-/// Kills of a stage for each that must meet it, at most: a client may be quicker than usual.
+/// Most kills of a stage for each one that must meet it: a client may be quicker than usual.
 const TRIES: usize = 3;
 /// Between two looks at the nodes.
 const LOOK: Duration = Duration::from_micros(200);
@@ -147,12 +147,13 @@ fn kill(examples: &Examples, report: &mut Report, scale: Scale) -> anyhow::Resul
         let side = if kills.is_multiple_of(2) { 1.0 } else { -1.0 };
         let others = nodes(&stack.world);
         let mut client = start(examples, &stack, side)?;
-        let at = Instants {
+        let watch = StageWatch {
             events: &events,
             world: &stack.world,
             others: &others,
         };
-        at.wait_for(stage, &usual, &mut random)
+        watch
+            .wait_until(stage, &usual, &mut random)
             .with_context(|| format!("{stage:?}: {}", client.log()))?;
         *kills += 1;
         *met += usize::from(kill_at(stage, &mut client, &events)?);
@@ -183,7 +184,7 @@ fn kill(examples: &Examples, report: &mut Report, scale: Scale) -> anyhow::Resul
 }
 
 impl Seen {
-    /// The stage that was met least often, until each was met so many times, or was missed too often.
+    /// Of the stages that are not met so many times yet, nor missed too often, the one with the fewest kills.
     fn next_stage(&self, wanted: usize) -> Option<Stage> {
         let of = |stage: &Stage| self.kills.get(stage).copied().unwrap_or_default();
         let is_open = |stage: &Stage| {
@@ -325,16 +326,16 @@ fn wait_for_node(world: &World, others: &BTreeSet<OsString>) -> anyhow::Result<(
 }
 
 /// How a client's stages are told from outside.
-struct Instants<'a> {
+struct StageWatch<'a> {
     events: &'a Events,
     world: &'a World,
     /// The nodes before it was started.
     others: &'a BTreeSet<OsString>,
 }
 
-impl Instants<'_> {
+impl StageWatch<'_> {
     /// Waits until the client is at a stage, and a random moment longer.
-    fn wait_for(&self, stage: Stage, usual: &Usual, random: &mut Pcg64) -> anyhow::Result<()> {
+    fn wait_until(&self, stage: Stage, usual: &Usual, random: &mut Pcg64) -> anyhow::Result<()> {
         let longest_s = match stage {
             Stage::Joining => {
                 wait_for_node(self.world, self.others)?;

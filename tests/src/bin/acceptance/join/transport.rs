@@ -319,6 +319,8 @@ impl OpenLoop {
         let overloaded = Outcome::Overloaded.to_string();
         let figure = plans["outcomes"].to_string();
         let line = self.line("outcomes by name");
+        let stamped = self.line("requests that were answered, by their stamps");
+        report.all_of(&stamped, replies.len(), requests as usize);
         self.arrivals(report, &replies);
         if self.has_short_queue() {
             let bar = format!("`{overloaded}` more than once");
