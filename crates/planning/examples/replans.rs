@@ -20,7 +20,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-use trajectory::{Knot, Trajectory, stopping_motion};
+use trajectory::{Knot, STOPPING_KNOTS, Trajectory, stopping_motion};
 
 /// Seed of scenes, tips and pauses.
 const SEED: u64 = 9_111;
@@ -28,8 +28,11 @@ const SEED: u64 = 9_111;
 const IN_A_SCENE: usize = 25;
 /// Shortest pause between two requests, s; the longest is the motion that was asked for.
 const SHORTEST_PAUSE_S: f64 = 0.06;
-/// Knots of a motion.
+/// Knots of a motion from rest.
 const KNOTS: usize = 96;
+/// Samples of a motion by which its bending is known, and the rounding of that, rad.
+const SAMPLES: usize = 1_000;
+const ROUNDING_RAD: f64 = 1e-9;
 /// Room of starts and targets beside the tube, section lengths.
 const ROOM: f64 = 0.1;
 
@@ -69,6 +72,14 @@ fn fastest(plan: &Plan) -> Option<&Candidate> {
     candidates.min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))
 }
 
+/// Whether a motion stays within the bending limit: from rest it may bend a little beyond it, which no joined motion may.
+fn bends_within(robot: &UnitRobot, candidate: &Candidate) -> bool {
+    let sampled = candidate.trajectory.sample(SAMPLES);
+    sampled
+        .iter()
+        .all(|q| robot.limit_excess(q) <= ROUNDING_RAD)
+}
+
 fn request(robot: &UnitRobot, seed: u64, start_motion: Option<StartMotion>) -> Request {
     Request {
         candidates: 10,
@@ -76,7 +87,7 @@ fn request(robot: &UnitRobot, seed: u64, start_motion: Option<StartMotion>) -> R
         sampler: Sampler::Default,
         limits_scale: 1.0,
         padding: tracking_padding(robot, 0.01),
-        knots: KNOTS,
+        knots: KNOTS + start_motion.map_or(0, |_| STOPPING_KNOTS),
         corrections: MOST_CORRECTIONS,
         start_motion,
         previous: None,
@@ -178,12 +189,9 @@ impl Chain<'_> {
         let state = Knot { time: 0.0, ..first };
         let stop = stopping_motion(&state, &robot.tendons, &robot.tendon_limits)?;
         let problem = self.problem(stop.end(), Goal::Configuration(best.end()));
-        // Both have the same number of knots in all.
-        let request = Request {
-            knots: KNOTS + 1 - stop.knots().len(),
-            ..request(robot, seed, None)
-        };
-        let reference = self.planner.plan(&problem, &request, &|| false)?;
+        let request = request(robot, seed, None);
+        let mut reference = self.planner.plan(&problem, &request, &|| false)?;
+        reference.candidates.retain(|it| bends_within(robot, it));
         if let Some(go) = fastest(&reference) {
             let won = stop.duration() + go.metrics.duration_s - best.metrics.duration_s;
             if won < 0.0 {

@@ -121,6 +121,8 @@ pub enum ToBeDone {
     PathAgain,
     /// The same, and it is expected that the fastest motion is planned anew once more.
     PathAgainAndPlanningAnew,
+    /// The fastest motion is planned anew to its goal configuration, which is known.
+    PlanningAnew,
     /// Paths are joined to the motion that is left.
     Joining,
     /// The same, and it is expected that the fastest motion is planned anew.

@@ -14,7 +14,7 @@ use crate::execution::{RobotMotion, Shared, Switch};
 pub(super) fn late_switch(
     robot: Shared<RobotMotion>,
     first: Switch,
-    leads: [(Work, Duration); 5],
+    leads: [(Work, Duration); 6],
     not_before_mono_ns: Option<i64>,
 ) -> LateSwitch {
     let last = Mutex::new(first);

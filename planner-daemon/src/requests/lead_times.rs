@@ -39,6 +39,8 @@ pub(crate) enum Work {
     PathAgain,
     /// The same, and a plan to its goal configuration.
     PathAgainAndPlanningAnew,
+    /// A plan to the goal configuration of the fastest motion, which is known.
+    PlanningAnew,
     /// Paths that are planned are joined to the motion that is left, until the fastest is known.
     Joining,
     /// The same, and a plan to the goal configuration of the fastest one.
@@ -51,6 +53,7 @@ impl From<ToBeDone> for Work {
             ToBeDone::SegmentAgain => Self::SegmentAgain,
             ToBeDone::PathAgain => Self::PathAgain,
             ToBeDone::PathAgainAndPlanningAnew => Self::PathAgainAndPlanningAnew,
+            ToBeDone::PlanningAnew => Self::PlanningAnew,
             ToBeDone::Joining => Self::Joining,
             ToBeDone::JoiningAndPlanningAnew => Self::JoiningAndPlanningAnew,
         }
@@ -58,17 +61,20 @@ impl From<ToBeDone> for Work {
 }
 
 impl Work {
-    /// Other work that takes longer, by which it is foreseen as long as it was not done itself.
-    fn takes_longer(self) -> Option<Self> {
+    /// Other work that takes longer, by the first of which that was done it is foreseen as long as it was not done itself.
+    fn take_longer(self) -> &'static [Self] {
         match self {
-            Self::SegmentAgain => Some(Self::StraightSegments),
-            Self::Joining | Self::PathAgain | Self::PathAgainAndPlanningAnew => {
-                Some(Self::JoiningAndPlanningAnew)
+            Self::SegmentAgain => &[Self::StraightSegments],
+            Self::PathAgain => &[
+                Self::PlanningAnew,
+                Self::JoiningAndPlanningAnew,
+                Self::WholePlan,
+            ],
+            Self::Joining | Self::PlanningAnew | Self::PathAgainAndPlanningAnew => {
+                &[Self::JoiningAndPlanningAnew, Self::WholePlan]
             }
-            Self::WholePlan
-            | Self::WholePlanToKeptGoal
-            | Self::StraightSegments
-            | Self::JoiningAndPlanningAnew => None,
+            Self::JoiningAndPlanningAnew => &[Self::WholePlan],
+            Self::WholePlan | Self::WholePlanToKeptGoal | Self::StraightSegments => &[],
         }
     }
 
@@ -86,7 +92,7 @@ impl Work {
                 margin: 1.05,
                 to_the_loop: EARLY_TO_THE_LOOP,
             },
-            Self::Joining | Self::JoiningAndPlanningAnew => Foresight {
+            Self::PlanningAnew | Self::Joining | Self::JoiningAndPlanningAnew => Foresight {
                 exceptional: 32,
                 margin: 1.1,
                 to_the_loop: EARLY_TO_THE_LOOP,
@@ -164,8 +170,8 @@ impl LeadTimes {
             let known = self.recent.iter().find(|(known, _)| *known == kind);
             known.and_then(|(_, times)| times.longest_usual(foresight.exceptional))
         };
-        let takes_longer = kind.work.takes_longer();
-        let foreseen = foreseen(kind.work).or_else(|| takes_longer.and_then(foreseen));
+        let longer = kind.work.take_longer().iter().copied();
+        let foreseen = std::iter::once(kind.work).chain(longer).find_map(foreseen);
         foreseen.map_or(FIRST_LEAD, |took| {
             took.mul_f64(foresight.margin) + foresight.to_the_loop
         })
@@ -213,6 +219,7 @@ mod tests {
             Work::StraightSegments,
             Work::SegmentAgain,
             Work::PathAgain,
+            Work::PlanningAnew,
             Work::Joining,
             Work::JoiningAndPlanningAnew,
         ] {
@@ -260,6 +267,8 @@ mod tests {
         let known = times.lead(kind(Work::JoiningAndPlanningAnew));
         assert_eq!(times.lead(kind(Work::Joining)), known);
         assert_eq!(times.lead(kind(Work::SegmentAgain)), FIRST_LEAD);
+        times.note(kind(Work::PlanningAnew), Duration::from_millis(3));
+        assert!(times.lead(kind(Work::PathAgain)) < known);
         times.note(kind(Work::Joining), Duration::from_millis(1));
         assert!(times.lead(kind(Work::Joining)) < known);
     }

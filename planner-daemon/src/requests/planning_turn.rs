@@ -114,6 +114,7 @@ impl Service {
             Work::SegmentAgain,
             Work::PathAgain,
             Work::PathAgainAndPlanningAnew,
+            Work::PlanningAnew,
             Work::Joining,
             Work::JoiningAndPlanningAnew,
         ];

@@ -8,8 +8,10 @@ use crate::path::waypoints::Waypoints;
 use crate::pipeline::braking::Braking;
 use crate::pipeline::context::{Drawn, RequestContext};
 use crate::pipeline::goal_set::{GoalSet, goal_set};
-use crate::pipeline::joining::{JoinedSegments, Joining, Late};
+use crate::pipeline::joined_plan::Late;
+use crate::pipeline::joining::Joining;
 use crate::pipeline::previous_plan::kept_path;
+use crate::pipeline::segments::JoinedSegments;
 use crate::pipeline::{default, fast, moved_end, straight_line, trees, whole_paths};
 use crate::plan::{Candidate, Draw, Failure, Plan};
 use crate::request::{EarlySelection, Guidance, StartMotion, Supervision, ToBeDone};
@@ -116,9 +118,11 @@ fn after_braking(context: &RequestContext, motion: &StartMotion) -> Result<Plan,
     let padded = context.constraints.padded;
     let after = RequestContext::new(context.resources, padded, &after, &shorter, supervision)
         .with_bending_slack(braking.bending_slack_rad());
+    let is_afresh = request.sampler == Sampler::Default && request.previous.is_none();
+    let anew = |braking: &Braking, end: &Configuration| fastest_to(context, braking, end);
     let joining = Joining {
         braking: &braking,
-        anew: None,
+        anew: is_afresh.then_some(&anew),
     };
     if !context.constraints.moving.is_empty() {
         return Ok(joining.plan(from_rest(&after)?, JoinedSegments::default(), None));
@@ -128,7 +132,6 @@ fn after_braking(context: &RequestContext, motion: &StartMotion) -> Result<Plan,
         segments,
         later,
     } = segments_first(context, &joining, &after)?;
-    let is_afresh = request.sampler == Sampler::Default && request.previous.is_none();
     let early = supervision.early_selection;
     let late = early.filter(|_| segments.selected().is_none());
     let plans_anew = is_afresh && joining.is_planned_anew(&plan);
@@ -145,11 +148,7 @@ fn after_braking(context: &RequestContext, motion: &StartMotion) -> Result<Plan,
         (None, Some(later)) => (later, segments),
         (None, None) => (&braking, segments),
     };
-    let anew = |braking: &Braking, end: &Configuration| fastest_to(context, braking, end);
-    let joining = Joining {
-        braking,
-        anew: is_afresh.then_some(&anew),
-    };
+    let joining = Joining { braking, ..joining };
     let later = || braking_later(context, late?, joining_again);
     let late = late.map(|late| Late {
         braking: &later,
@@ -218,19 +217,8 @@ fn segments_first<'a>(
         None => times.measure(Stage::Select, || joining.segments(&goals.distinct)),
     };
     let early = after.supervision.early_selection;
-    let settled = early.filter(|_| segments.selected().is_some());
-    let later = settled.and_then(|early| braking_later(context, early, ToBeDone::SegmentAgain));
-    let braking = later.as_ref().unwrap_or(joining.braking);
-    let joining = Joining {
-        braking,
-        ..*joining
-    };
-    let segments = times.measure(Stage::Select, || {
-        let segments = match &later {
-            None => segments,
-            Some(_) => joining.fastest_again(&segments, &goals.distinct),
-        };
-        joining.with_fastest_braked_otherwise(segments)
+    let (segments, later) = times.measure(Stage::Select, || {
+        settled(context, joining, segments, &goals.distinct)
     });
     let tell = || {
         if let Some((early, fastest)) = early.zip(segments.selected()) {
@@ -244,6 +232,40 @@ fn segments_first<'a>(
         segments,
         later,
     })
+}
+
+/// The segments with their fastest motion as it is executed, where that is the fastest of the request: planned anew where it may be later than
+/// after a stop, and begun where the motion that is left can still be left by then, which is the braking.
+fn settled<'a>(
+    context: &RequestContext<'a>,
+    joining: &Joining,
+    segments: JoinedSegments,
+    goals: &[Configuration],
+) -> (JoinedSegments, Option<Braking<'a>>) {
+    let early = context.supervision.early_selection;
+    let early = early.filter(|_| segments.selected().is_some());
+    let later = |to_be_done| early.and_then(|early| braking_later(context, early, to_be_done));
+    let plans_anew = joining.plans_fastest_anew(&segments);
+    let first = later(match plans_anew {
+        true => ToBeDone::PlanningAnew,
+        false => ToBeDone::SegmentAgain,
+    });
+    let from_first = joining.from(first.as_ref());
+    let segments = match (plans_anew, &first) {
+        (true, _) => from_first.fastest_anew(&segments, goals),
+        (false, Some(_)) => {
+            from_first.with_fastest_improved(from_first.fastest_again(&segments, goals))
+        }
+        (false, None) => from_first.with_fastest_improved(segments),
+    };
+    if !segments.take_a_detour() {
+        return (segments, first);
+    }
+    let Some(second) = later(ToBeDone::PathAgain) else {
+        return (segments, first);
+    };
+    let from_second = joining.from(Some(&second));
+    (from_second.fastest_again(&segments, goals), Some(second))
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.

@@ -1,0 +1,199 @@
+//! Segments to goal configurations, straight or pushed out of obstacles, that are joined to a braking before other paths are planned: the fastest
+//! motion of a request mostly is one.
+
+use crate::motion::incumbent::{Incumbent, ShortestDuration};
+use crate::path::waypoints::straight_path;
+use crate::pipeline::joining::{AT_ONCE, JoinedDraw, Joining};
+use crate::plan::{Candidate, Draw, Failure};
+use codes::Source;
+use pcc_model::Configuration;
+use rayon::prelude::*;
+
+/// Straight segments to goal configurations, pushed out of obstacles where they must be, joined to a braking before other paths are planned.
+#[derive(Default)]
+pub(super) struct JoinedSegments {
+    pub(super) segments: Vec<JoinedDraw>,
+    /// Whether no motion to any other goal configuration is expected to be faster than the fastest of these.
+    pub(super) is_settled: bool,
+}
+
+impl JoinedSegments {
+    /// The fastest motion of the request alone.
+    fn of_fastest(fastest: JoinedDraw) -> Self {
+        Self {
+            segments: vec![fastest],
+            is_settled: true,
+        }
+    }
+
+    /// The fastest motion of the request, where it is known: from rest to rest no path to the same goal configuration is faster than a
+    /// straight segment (decision 0012), joined to a braking hardly any, and where it must be pushed, few (decision 0031).
+    pub(super) fn selected(&self) -> Option<&Candidate> {
+        Some(&self.fastest()?.joined)
+    }
+
+    fn fastest(&self) -> Option<&JoinedDraw> {
+        let duration_s = |it: &JoinedDraw| it.joined.metrics.duration_s;
+        let segments = self.segments.iter().filter(|_| self.is_settled);
+        segments.min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))
+    }
+
+    /// Whether the fastest motion follows another path than the straight segment.
+    pub(super) fn take_a_detour(&self) -> bool {
+        self.fastest().is_some_and(|it| !it.is_straight)
+    }
+
+    /// These without segments that were pushed and are not the fastest: other paths to the same goal configurations may be faster.
+    fn without_slower_detours(mut self) -> Self {
+        let fastest = self.selected().map(|fastest| fastest.draw);
+        self.segments
+            .retain(|it| it.is_straight || Some(it.joined.draw) == fastest);
+        self
+    }
+}
+
+impl Joining<'_> {
+    /// Joins segments to the goal configurations of the first draws, until the fastest motion is known or cannot be.
+    pub(super) fn segments(&self, goals: &[Configuration]) -> JoinedSegments {
+        let (start, from_rest) = (self.braking.motion.end(), self.braking.after());
+        let least_s = |goal: &Configuration| from_rest.least_duration_s(&[start, *goal]);
+        let mut order: Vec<(usize, f64)> = goals.iter().map(least_s).enumerate().collect();
+        order.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let mut segments: Vec<JoinedDraw> = Vec::new();
+        // From rest, motions that take longer than this are not expected to be selected, and others than segments take at least that long.
+        let (mut longest_s, mut others_s) = (f64::INFINITY, f64::INFINITY);
+        for round in order.chunks(AT_ONCE) {
+            if round[0].1 > longest_s || others_s < f64::INFINITY {
+                break;
+            }
+            let segment = |&(draw, _): &(usize, f64)| self.segment(draw, &goals[draw], longest_s);
+            let tried: Vec<_> = round.par_iter().map(segment).collect();
+            for (segment, (_, least_s)) in tried.into_iter().zip(round) {
+                match segment {
+                    Ok(segment) => {
+                        let joined_s = segment.joined.metrics.duration_s;
+                        longest_s = longest_s.min(joined_s + self.largest_gain_s());
+                        segments.push(segment);
+                    }
+                    Err(Failure::Slower) => {}
+                    Err(_) => others_s = others_s.min(*least_s),
+                }
+            }
+        }
+        let segments = JoinedSegments {
+            is_settled: others_s > longest_s,
+            segments,
+        };
+        segments.without_slower_detours()
+    }
+
+    /// The fastest of known segments, joined to this braking, which begins a moment later: it is still the fastest; where it is not certified from
+    /// there, all segments anew.
+    pub(super) fn fastest_again(
+        &self,
+        known: &JoinedSegments,
+        goals: &[Configuration],
+    ) -> JoinedSegments {
+        let again = known.fastest().and_then(|it| self.again(it, goals));
+        again.map_or_else(|| self.segments(goals), JoinedSegments::of_fastest)
+    }
+
+    /// A joined motion joined to this braking, its path moved to where the robot rests after that.
+    fn again(&self, known: &JoinedDraw, goals: &[Configuration]) -> Option<JoinedDraw> {
+        let index = known.joined.draw;
+        if known.is_straight {
+            return self.straight(index, &goals[index], f64::INFINITY).ok();
+        }
+        let joined = self.braking.candidate(&known.from_rest).ok()?;
+        let draw = Draw {
+            outcome: Ok(joined.certified()),
+            ..known.draw.clone()
+        };
+        Some(JoinedDraw {
+            draw,
+            from_rest: known.from_rest.clone(),
+            joined,
+            is_straight: false,
+        })
+    }
+
+    /// Whether the fastest motion is expected to be planned anew, since it may be later than one after a stop.
+    pub(super) fn plans_fastest_anew(&self, segments: &JoinedSegments) -> bool {
+        let is_expected = |it: &JoinedDraw| match it.is_straight {
+            true => !self.is_surely_no_later(&it.joined, it.from_rest.metrics.duration_s),
+            false => self.takes_a_detour(&it.from_rest),
+        };
+        self.anew.is_some() && segments.fastest().is_some_and(is_expected)
+    }
+
+    /// A plan to the goal configuration of the fastest of known segments alone, in its place; the segment joined to this braking where there
+    /// is none.
+    pub(super) fn fastest_anew(
+        &self,
+        known: &JoinedSegments,
+        goals: &[Configuration],
+    ) -> JoinedSegments {
+        let anew = known.fastest().and_then(|it| {
+            let index = it.joined.draw;
+            self.planned_anew(index, &goals[index], None)
+        });
+        anew.map_or_else(
+            || self.fastest_again(known, goals),
+            JoinedSegments::of_fastest,
+        )
+    }
+
+    /// The segments, the fastest motion of the request among them improved.
+    pub(super) fn with_fastest_improved(&self, known: JoinedSegments) -> JoinedSegments {
+        let fastest = known.selected().map(|fastest| fastest.draw);
+        let improved = |it: JoinedDraw| match fastest == Some(it.joined.draw) {
+            true => self.improved(it),
+            false => it,
+        };
+        JoinedSegments {
+            segments: known.segments.into_iter().map(improved).collect(),
+            ..known
+        }
+    }
+
+    /// The segment to a configuration as a motion joined to the braking, pushed out of obstacles where motions may be planned anew;
+    /// [`Failure::Slower`] where it takes longer than `longest_s` from rest.
+    fn segment(
+        &self,
+        draw: usize,
+        goal: &Configuration,
+        longest_s: f64,
+    ) -> Result<JoinedDraw, Failure> {
+        let straight = self.straight(draw, goal, longest_s);
+        match straight {
+            Err(Failure::Collision | Failure::Bending) if self.anew.is_some() => {
+                self.pushed(draw, goal, longest_s)
+            }
+            straight => straight,
+        }
+    }
+
+    /// The straight segment pushed out of obstacles.
+    fn pushed(
+        &self,
+        draw: usize,
+        goal: &Configuration,
+        longest_s: f64,
+    ) -> Result<JoinedDraw, Failure> {
+        let path = straight_path(&self.braking.motion.end(), goal);
+        let shortest = ShortestDuration::none();
+        shortest.note(longest_s);
+        let incumbent = Incumbent::new(&shortest);
+        let delivered = self
+            .braking
+            .after()
+            .to_trajectory(path.clone(), false, Some(&incumbent));
+        let draw_of_path = Draw {
+            sampled: Some(path),
+            path: Some(delivered.path),
+            source: Source::StraightLine,
+            outcome: delivered.outcome,
+        };
+        self.joined(draw, draw_of_path)
+    }
+}
