@@ -2,8 +2,9 @@
 //! configuration, and how long planning takes.
 //!
 //! Chains of requests in general scenes at random instants of the fastest motion, like the acceptance program's replans in other scenes. The
-//! first argument is the number of replans (400 if none is given), the second one how much later than the request says the robot is left
-//! where paths must be planned first, ms (0). `cargo run --release -p planning --example replans`
+//! first argument is the number of replans (400 if none is given), the second one how much later than the request says the robot is left where
+//! planning goes on before the fastest motion is known, ms (0), the third one how much later than that each time where it is known (0).
+//! `cargo run --release -p planning --example replans`
 
 use collision::{Scene, tracking_padding};
 use datasets::scenes::{Setting, draw_target};
@@ -17,10 +18,10 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::error::Error;
 use std::path::Path;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, OnceLock};
 use std::time::Instant;
-use trajectory::{Knot, STOPPING_KNOTS, Trajectory, stopping_motion};
+use trajectory::{Knot, STOPPING_KNOTS, State, Trajectory, stopping_motion};
 
 /// Seed of scenes, tips and pauses.
 const SEED: u64 = 9_111;
@@ -44,7 +45,7 @@ struct Figures {
     /// Time of a request in motion, and until its fastest motion is known, ms.
     planned_ms: Vec<f64>,
     selected_ms: Vec<f64>,
-    /// Requests in motion whose fastest motion was not one of the straight segments that are joined first.
+    /// Requests in motion where planning went on before the fastest motion was known.
     selected_late: usize,
     /// Requests in motion without a motion.
     refused: usize,
@@ -57,8 +58,8 @@ struct Chain<'a> {
     /// The motion under way, and how far it is, s.
     motion: Trajectory,
     time_s: f64,
-    /// How much later it is left where paths must be planned first, s.
-    later_s: f64,
+    /// How much later it is left where planning goes on before the fastest motion is known, and each time where it is known, s.
+    later_s: [f64; 2],
 }
 
 fn quantile(values: &mut [f64], share: f64) -> f64 {
@@ -72,12 +73,26 @@ fn fastest(plan: &Plan) -> Option<&Candidate> {
     candidates.min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))
 }
 
-/// Whether a motion stays within the bending limit: from rest it may bend a little beyond it, which no joined motion may.
-fn bends_within(robot: &UnitRobot, candidate: &Candidate) -> bool {
+/// Whether a motion that won this share of a stop arrives later than after it, by more than rounding.
+fn is_later(won: f64) -> bool {
+    won < -1e-6
+}
+
+/// Whether a motion bends no further than one that is joined in this state may: from rest a motion may bend a little beyond the limit.
+fn bends_within(robot: &UnitRobot, state: &Configuration, candidate: &Candidate) -> bool {
+    let most_rad = robot.limit_excess(state).max(0.0) + ROUNDING_RAD;
     let sampled = candidate.trajectory.sample(SAMPLES);
-    sampled
-        .iter()
-        .all(|q| robot.limit_excess(q) <= ROUNDING_RAD)
+    sampled.iter().all(|q| robot.limit_excess(q) <= most_rad)
+}
+
+/// A state as the first knot of a motion.
+fn knot_at(state: &State) -> Knot {
+    Knot {
+        time: 0.0,
+        position: state.position,
+        velocity: state.velocity,
+        acceleration: state.acceleration,
+    }
 }
 
 fn request(robot: &UnitRobot, seed: u64, start_motion: Option<StartMotion>) -> Request {
@@ -136,18 +151,17 @@ impl Chain<'_> {
         let request = request(robot, seed, start_motion);
         let (selected, is_late) = (OnceLock::new(), AtomicBool::new(false));
         let took_ms = || clock.elapsed().as_secs_f64() * 1e3;
-        let later = self.motion.at(self.time_s + self.later_s);
-        let later = Knot {
-            time: 0.0,
-            position: later.position,
-            velocity: later.velocity,
-            acceleration: later.acceleration,
-        };
+        let later_s = Mutex::new(0.0);
         let early_selection = EarlySelection {
             begin: &|to_be_done, can_begin| {
+                let mut later_s = later_s.lock().expect("no thread panics with it");
+                let more_s = self.later_s[usize::from(to_be_done.is_known())];
                 if !to_be_done.is_known() {
-                    can_begin(&later);
                     is_late.store(true, Ordering::Relaxed);
+                }
+                if more_s > 0.0 {
+                    *later_s += more_s;
+                    can_begin(&knot_at(&self.motion.at(self.time_s + *later_s)));
                 }
             },
             selected: &|candidate| {
@@ -191,13 +205,15 @@ impl Chain<'_> {
         let problem = self.problem(stop.end(), Goal::Configuration(best.end()));
         let request = request(robot, seed, None);
         let mut reference = self.planner.plan(&problem, &request, &|| false)?;
-        reference.candidates.retain(|it| bends_within(robot, it));
+        reference
+            .candidates
+            .retain(|it| bends_within(robot, &state.position, it));
         if let Some(go) = fastest(&reference) {
-            let won = stop.duration() + go.metrics.duration_s - best.metrics.duration_s;
-            if won < 0.0 {
+            let won_s = stop.duration() + go.metrics.duration_s - best.metrics.duration_s;
+            let won = won_s / stop.duration();
+            if is_later(won) {
                 println!(
-                    "later: seed {seed}, {:.3} of a stop of {:.3} s; {} took {:.3} s, alone {} {:.3} s",
-                    won / stop.duration(),
+                    "later: seed {seed}, {won:.3} of a stop of {:.3} s; {} took {:.3} s, alone {} {:.3} s",
                     stop.duration(),
                     best.source,
                     best.metrics.duration_s,
@@ -205,7 +221,7 @@ impl Chain<'_> {
                     go.metrics.duration_s
                 );
             }
-            figures.won.push(won / stop.duration());
+            figures.won.push(won);
         }
         Ok(())
     }
@@ -226,7 +242,9 @@ fn planner() -> Result<Planner, Box<dyn Error>> {
 fn main() -> Result<(), Box<dyn Error>> {
     let argument = |index| std::env::args().nth(index);
     let count = argument(1).map_or(Ok(400), |count| count.parse())?;
-    let later_ms = argument(2).map_or(Ok(0.0), |later_ms| later_ms.parse::<f64>())?;
+    let seconds = |ms: String| ms.parse::<f64>().map(|ms| 1e-3 * ms);
+    let later_s = |index| argument(index).map_or(Ok(0.0), seconds);
+    let later_s = [later_s(2)?, later_s(3)?];
     let planner = planner()?;
     let mut random = Pcg64::seed_from_u64(SEED);
     let mut figures = Figures::default();
@@ -245,7 +263,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             scene,
             motion: Trajectory::new(vec![Knot::resting(0.0, rest), Knot::resting(1e-3, rest)])?,
             time_s: 1.0,
-            later_s: 1e-3 * later_ms,
+            later_s,
         };
         for _ in 0..=IN_A_SCENE {
             chain.replan(seed, &mut random, &mut figures)?;
@@ -261,7 +279,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         selected_late,
         refused,
     } = &mut figures;
-    let later = won.iter().filter(|won| **won < -1e-6).count();
+    let later = won.iter().filter(|won| is_later(**won)).count();
     println!(
         "{} replans, {refused} refused: won {:.3} of the shortest stop in the median, p10 {:.3}, p1 {:.3}, least {:.3}; {later} later; \
          planned in {:.2} ms, p90 {:.2}, p99 {:.2}; the fastest known in {:.2} ms, p90 {:.2}, p99 {:.2}, {selected_late} of them late",

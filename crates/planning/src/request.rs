@@ -146,8 +146,8 @@ pub type CanBegin<'a> = dyn Fn(&Knot) -> bool + 'a;
 /// Has the fastest motion of a request that begins in motion before the others are joined to the motion that is left.
 #[derive(Clone, Copy)]
 pub struct EarlySelection<'a> {
-    /// Called before the fastest motion is told, and before that when paths are planned but the fastest motion is not known, with what is to be
-    /// done until it is: it may ask once whether the motions can begin in another state than before (its time is not read), and where they
+    /// Called before the fastest motion is told, and before that when it is to be planned anew, or paths are planned but the fastest motion is not
+    /// known, with what is to be done until it is: it may ask once whether the motions can begin in another state than before (its time is not read), and where they
     /// can, they do. Paths are moved by the way between the rests that the robot reaches from both, so that should be short.
     pub begin: &'a (dyn Fn(ToBeDone, &CanBegin) + Sync),
     /// Called with the fastest candidate, once at most, by any worker, which should not be held for long: what remains of a motion that is

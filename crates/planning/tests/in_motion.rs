@@ -16,7 +16,7 @@ use planning::{
 use shipped::planner;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use trajectory::{Knot, State, Trajectory, limit_use};
+use trajectory::{Knot, State, Trajectory, limit_use, stopping_motion};
 
 fn plan_selecting_early(
     planner: &Planner,
@@ -50,9 +50,7 @@ fn rest_to_rest(planner: &Planner) -> Trajectory {
     Trajectory::clone(&selected(&plan).trajectory)
 }
 
-/// Longest time in which the unit robot comes to rest.
-const BRAKING_S: f64 = 0.3;
-/// A ball that the straight segment is pushed around, one around which that is a detour.
+/// Radii of balls in the way of a straight segment, which pushing makes hardly longer, or a detour.
 const SMALL: f64 = 0.15;
 const LARGE: f64 = 0.25;
 
@@ -91,7 +89,7 @@ fn leaving_in(problem: Problem, state: &State) -> (Problem, Request) {
     (problem, request)
 }
 
-/// The same without pushing paths out of obstacles.
+/// A request whose paths are not pushed out of obstacles.
 fn uncorrected((problem, request): (Problem, Request)) -> (Problem, Request) {
     let corrections = 0;
     (
@@ -101,6 +99,51 @@ fn uncorrected((problem, request): (Problem, Request)) -> (Problem, Request) {
             ..request
         },
     )
+}
+
+/// Requests from a robot in this state, and what is to be done until the fastest motion is known and is told.
+fn ways(planner: &Planner, state: &State) -> [((Problem, Request), [ToBeDone; 2]); 4] {
+    let behind = |radius| leaving_in(behind_a_ball(planner, state, radius), state);
+    [
+        (
+            leaving(state),
+            [ToBeDone::SegmentAgain, ToBeDone::SegmentAgain],
+        ),
+        (behind(SMALL), [ToBeDone::PathAgain, ToBeDone::PathAgain]),
+        (behind(LARGE), [ToBeDone::PlanningAnew, ToBeDone::PathAgain]),
+        (
+            uncorrected(behind(SMALL)),
+            [
+                ToBeDone::JoiningAndPlanningAnew,
+                ToBeDone::PathAgainAndPlanningAnew,
+            ],
+        ),
+    ]
+}
+
+/// A motion is no later than a stop and the fastest motion that the planner finds from there to the same configuration.
+fn assert_no_later(planner: &Planner, moving: &Problem, request: &Request, told: &Candidate) {
+    let robot = planner.robot();
+    let begin = &told.trajectory.knots()[0];
+    let stop = stopping_motion(begin, &robot.tendons, &robot.tendon_limits).unwrap();
+    let after = Problem {
+        start: stop.end(),
+        goal: Goal::Configuration(told.end()),
+        ..moving.clone()
+    };
+    let from_rest = Request {
+        start_motion: None,
+        ..request.clone()
+    };
+    let go_s = selected(&plan(planner, &after, &from_rest))
+        .metrics
+        .duration_s;
+    let duration_s = told.metrics.duration_s;
+    assert!(
+        duration_s <= stop.duration() + go_s + 1e-6,
+        "{duration_s} s, {} s and {go_s} s",
+        stop.duration()
+    );
 }
 
 /// Motions that begin in exactly this state, within the limits, and certified.
@@ -155,32 +198,32 @@ fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
 #[test]
 fn the_fastest_motion_is_told_before_the_others_are_joined_whatever_the_number_of_threads() {
     let planners = [planner(1), planner(2)];
-    let first = plan(&planners[0], &problem(), &request());
+    let motion = rest_to_rest(&planners[0]);
     for share in [0.1, 0.3, 0.6] {
-        let motion = &selected(&first).trajectory;
         let state = motion.at(share * motion.duration());
-        let (moving, in_motion) = leaving(&state);
-        let in_motion = Request {
-            seed: 5,
-            ..in_motion
-        };
-        let untold = plan(&planners[0], &moving, &in_motion);
-        for planner in &planners {
-            let told = Mutex::new(Vec::new());
-            let early_selection = EarlySelection {
-                begin: &|_, _| (),
-                selected: &|candidate| told.lock().unwrap().push(candidate),
+        for ((moving, in_motion), _) in ways(&planners[0], &state) {
+            let in_motion = Request {
+                seed: 5,
+                ..in_motion
             };
-            let answer = plan_selecting_early(planner, &moving, &in_motion, early_selection);
-            let told: Vec<Candidate> = told.into_inner().unwrap();
-            let [candidate] = told.as_slice() else {
-                panic!("told {} times", told.len());
-            };
-            assert_eq!(candidate.draw, selected(&answer).draw);
-            let knots = |it: &Candidate| it.trajectory.knots().to_vec();
-            assert!(knots(candidate) == knots(selected(&answer)));
-            let of_all = |plan: &Plan| plan.candidates.iter().map(knots).collect::<Vec<_>>();
-            assert!(of_all(&answer) == of_all(&untold));
+            let untold = plan(&planners[0], &moving, &in_motion);
+            for planner in &planners {
+                let told = Mutex::new(Vec::new());
+                let early_selection = EarlySelection {
+                    begin: &|_, _| (),
+                    selected: &|candidate| told.lock().unwrap().push(candidate),
+                };
+                let answer = plan_selecting_early(planner, &moving, &in_motion, early_selection);
+                let told: Vec<Candidate> = told.into_inner().unwrap();
+                let [candidate] = told.as_slice() else {
+                    panic!("told {} times", told.len());
+                };
+                assert_eq!(candidate.draw, selected(&answer).draw);
+                let knots = |it: &Candidate| it.trajectory.knots().to_vec();
+                assert!(knots(candidate) == knots(selected(&answer)));
+                let of_all = |plan: &Plan| plan.candidates.iter().map(knots).collect::<Vec<_>>();
+                assert!(of_all(&answer) == of_all(&untold));
+            }
         }
     }
 }
@@ -217,62 +260,48 @@ fn motions_begin_where_the_robot_is_once_paths_are_planned() {
 }
 
 #[test]
-fn segments_are_joined_again_where_the_switch_was_too_near() {
-    let planner = planner(2);
-    let motion = rest_to_rest(&planner);
-    let (moving, in_motion) = leaving(&motion.at(0.3));
-    let then = motion.at(0.304);
-    let told = Mutex::new(Vec::new());
-    let early_selection = EarlySelection {
-        begin: &|to_be_done, can_begin| {
-            assert_eq!(to_be_done, ToBeDone::SegmentAgain);
-            assert!(can_begin(&knot_at(&then)));
-        },
-        selected: &|candidate| told.lock().unwrap().push(candidate),
-    };
-    let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
-    let told = told.into_inner().unwrap();
-    assert_eq!(told.len(), 1);
-    assert_eq!(told[0].draw, selected(&answer).draw);
-    assert_eq!(answer.candidates.len(), 10);
-    let all = answer.candidates.iter().chain(&told);
-    assert_begin_at(&planner, &moving.scene, &knot_at(&then), all);
-}
-
-#[test]
 fn the_later_the_fastest_motion_is_known_the_more_is_to_be_done_for_it() {
     let planner = planner(2);
     let state = rest_to_rest(&planner).at(0.2);
-    let behind = |radius| leaving_in(behind_a_ball(&planner, &state, radius), &state);
-    let cases = [
-        (leaving(&state), vec![ToBeDone::SegmentAgain]),
-        (
-            behind(SMALL),
-            vec![ToBeDone::SegmentAgain, ToBeDone::PathAgain],
-        ),
-        (
-            behind(LARGE),
-            vec![ToBeDone::PlanningAnew, ToBeDone::PathAgain],
-        ),
-        (
-            uncorrected(behind(SMALL)),
-            vec![
-                ToBeDone::JoiningAndPlanningAnew,
-                ToBeDone::PathAgainAndPlanningAnew,
-            ],
-        ),
-    ];
-    for ((moving, in_motion), expected) in cases {
-        let (asked, told) = (Mutex::default(), AtomicUsize::new(0));
+    for ((moving, in_motion), expected) in ways(&planner, &state) {
+        let (asked, told) = (Mutex::default(), Mutex::default());
         let early_selection = EarlySelection {
             begin: &|to_be_done, _| Vec::push(&mut asked.lock().unwrap(), to_be_done),
-            selected: &|_| {
-                told.fetch_add(1, Ordering::Relaxed);
-            },
+            selected: &|candidate| Vec::push(&mut told.lock().unwrap(), candidate),
         };
         plan_selecting_early(&planner, &moving, &in_motion, early_selection);
         assert_eq!(asked.into_inner().unwrap(), expected);
-        assert_eq!(told.into_inner(), 1);
+        let told = told.into_inner().unwrap();
+        assert_eq!(told.len(), 1);
+        assert_no_later(&planner, &moving, &in_motion, &told[0]);
+    }
+}
+
+#[test]
+fn the_fastest_motion_is_joined_again_where_the_switch_was_too_near() {
+    let planner = planner(2);
+    let motion = rest_to_rest(&planner);
+    let state = motion.at(0.2);
+    for ((moving, in_motion), expected) in ways(&planner, &state) {
+        let then = knot_at(&motion.at(0.204));
+        let (asked, told) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+        let early_selection = EarlySelection {
+            begin: &|to_be_done, can_begin| {
+                if asked.fetch_add(1, Ordering::Relaxed) == 0 {
+                    assert_eq!(to_be_done, expected[0]);
+                    assert!(can_begin(&then));
+                }
+            },
+            selected: &|candidate| told.lock().unwrap().push(candidate),
+        };
+        let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
+        let told = told.into_inner().unwrap();
+        assert_eq!(told.len(), 1);
+        assert_eq!(told[0].draw, selected(&answer).draw);
+        assert_eq!(answer.candidates.len(), 10);
+        let all = answer.candidates.iter().chain(&told);
+        assert_begin_at(&planner, &moving.scene, &then, all);
+        assert_no_later(&planner, &moving, &in_motion, &told[0]);
     }
 }
 
@@ -280,27 +309,56 @@ fn the_later_the_fastest_motion_is_known_the_more_is_to_be_done_for_it() {
 fn a_later_state_that_cannot_brake_leaves_the_plan_where_it_was() {
     let planner = planner(2);
     let state = rest_to_rest(&planner).at(0.2);
-    let behind_a_ball = leaving_in(behind_a_ball(&planner, &state, SMALL), &state);
-    let (moving, in_motion) = uncorrected(behind_a_ball);
     let rushing = Knot {
         velocity: Configuration::repeat(3.0),
         ..knot_at(&state)
     };
-    let asked = AtomicUsize::new(0);
-    let early_selection = EarlySelection {
-        begin: &|to_be_done, can_begin| {
-            assert!(!can_begin(&rushing));
-            let is_planned = !to_be_done.is_known();
-            asked.fetch_add(usize::from(is_planned), Ordering::Relaxed);
-        },
-        selected: &|_| (),
-    };
-    let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
-    assert_eq!(asked.into_inner(), 1);
-    assert!(!answer.candidates.is_empty());
-    for candidate in &answer.candidates {
-        assert_eq!(candidate.trajectory.knots()[0], knot_at(&state));
+    for ((moving, in_motion), expected) in ways(&planner, &state) {
+        let asked = Mutex::default();
+        let early_selection = EarlySelection {
+            begin: &|to_be_done, can_begin| {
+                assert!(!can_begin(&rushing));
+                Vec::push(&mut asked.lock().unwrap(), to_be_done);
+            },
+            selected: &|_| (),
+        };
+        let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
+        assert_eq!(asked.into_inner().unwrap(), expected);
+        assert!(!answer.candidates.is_empty());
+        for candidate in &answer.candidates {
+            assert_eq!(candidate.trajectory.knots()[0], knot_at(&state));
+        }
     }
+}
+
+#[test]
+fn an_interrupt_before_the_fastest_motion_is_planned_anew_leaves_the_known_one() {
+    let planner = planner(1);
+    let state = rest_to_rest(&planner).at(0.2);
+    let (moving, in_motion) = leaving_in(behind_a_ball(&planner, &state, LARGE), &state);
+    let is_asked = AtomicBool::new(false);
+    let is_interrupted = || is_asked.load(Ordering::Relaxed);
+    let told = AtomicUsize::new(0);
+    let early_selection = EarlySelection {
+        begin: &|_, _| is_asked.store(true, Ordering::Relaxed),
+        selected: &|_| {
+            told.fetch_add(1, Ordering::Relaxed);
+        },
+    };
+    let supervision = Supervision {
+        early_selection: Some(early_selection),
+        ..Supervision::new(&is_interrupted)
+    };
+    let plan = planner.plan_supervised(&moving, &in_motion, supervision);
+    let answer = plan.unwrap();
+    assert!(answer.truncated && told.into_inner() == 1);
+    assert_eq!(answer.candidates.len(), 1);
+    assert_begin_at(
+        &planner,
+        &moving.scene,
+        &knot_at(&state),
+        answer.candidates.iter(),
+    );
 }
 
 #[test]
@@ -420,8 +478,8 @@ fn the_fastest_motion_is_joined_again_where_the_later_switch_was_too_near_as_wel
     let planner = planner(2);
     let motion = rest_to_rest(&planner);
     let state = motion.at(0.2);
-    let behind = |radius| leaving_in(behind_a_ball(&planner, &state, radius), &state);
-    for (moving, in_motion) in [behind(LARGE), uncorrected(behind(SMALL))] {
+    let planned = ways(&planner, &state).map(|(asked, _)| asked).into_iter();
+    for (moving, in_motion) in planned.skip(2) {
         let told_s = [false, true].map(|is_too_near| {
             let told = Mutex::new(Vec::new());
             let later = [motion.at(0.204), motion.at(0.208)].map(|state| knot_at(&state));
@@ -443,7 +501,7 @@ fn the_fastest_motion_is_joined_again_where_the_later_switch_was_too_near_as_wel
             assert_begin_at(&planner, &moving.scene, begin, all);
             told[0].metrics.duration_s
         });
-        // A path close to an obstacle may have to be begun after the braking, once it is moved.
-        assert!((told_s[0] - told_s[1]).abs() < BRAKING_S, "{told_s:?}");
+        // A path close to an obstacle may have to be begun after the braking, of 0.3 s, once it is moved.
+        assert!((told_s[0] - told_s[1]).abs() < 0.3, "{told_s:?}");
     }
 }

@@ -18,7 +18,7 @@ pub(super) fn late_switch(
     not_before_mono_ns: Option<i64>,
 ) -> LateSwitch {
     let last = Mutex::new(first);
-    Box::new(move |to_be_done| {
+    Box::new(move |to_be_done, can_begin| {
         let RobotMotion::Following(followed) = robot.get() else {
             return None;
         };
@@ -31,7 +31,8 @@ pub(super) fn late_switch(
         let work = Work::from(to_be_done);
         let (_, lead) = leads.into_iter().find(|(of, _)| *of == work)?;
         let switch = followed.switch_after(lead.max(until(not_before_mono_ns, now)), now)?;
-        let switch = Some(switch).filter(|it| it.trajectory_id == last.trajectory_id)?;
+        let is_of_the_same = switch.trajectory_id == last.trajectory_id;
+        let switch = Some(switch).filter(|it| is_of_the_same && can_begin(&it.state))?;
         *last = switch;
         Some(switch)
     })

@@ -61,8 +61,8 @@ impl From<ToBeDone> for Work {
 }
 
 impl Work {
-    /// Other work that takes longer, by the first of which that was done it is foreseen as long as it was not done itself.
-    fn take_longer(self) -> &'static [Self] {
+    /// Longer work, by the first of which that was done it is foreseen as long as it was not done itself.
+    fn foreseen_by(self) -> &'static [Self] {
         match self {
             Self::SegmentAgain => &[Self::StraightSegments],
             Self::PathAgain => &[
@@ -170,7 +170,7 @@ impl LeadTimes {
             let known = self.recent.iter().find(|(known, _)| *known == kind);
             known.and_then(|(_, times)| times.longest_usual(foresight.exceptional))
         };
-        let longer = kind.work.take_longer().iter().copied();
+        let longer = kind.work.foreseen_by().iter().copied();
         let foreseen = std::iter::once(kind.work).chain(longer).find_map(foreseen);
         foreseen.map_or(FIRST_LEAD, |took| {
             took.mul_f64(foresight.margin) + foresight.to_the_loop
@@ -219,6 +219,7 @@ mod tests {
             Work::StraightSegments,
             Work::SegmentAgain,
             Work::PathAgain,
+            Work::PathAgainAndPlanningAnew,
             Work::PlanningAnew,
             Work::Joining,
             Work::JoiningAndPlanningAnew,
@@ -256,13 +257,24 @@ mod tests {
     }
 
     #[test]
-    fn work_that_was_never_done_is_foreseen_by_work_that_takes_longer() {
+    fn work_that_was_never_done_is_foreseen_by_longer_work() {
         let kind = |work| PlanKind {
             sampler: Sampler::Default,
             has_several_goals: false,
             work,
         };
         let mut times = LeadTimes::default();
+        times.note_warm_up(kind(Work::WholePlan), Duration::from_millis(8));
+        times.note_warm_up(kind(Work::WholePlan), Duration::from_millis(8));
+        for work in [
+            Work::PathAgain,
+            Work::PathAgainAndPlanningAnew,
+            Work::PlanningAnew,
+            Work::Joining,
+            Work::JoiningAndPlanningAnew,
+        ] {
+            assert!(times.lead(kind(work)) < FIRST_LEAD, "{work:?}");
+        }
         times.note(kind(Work::JoiningAndPlanningAnew), Duration::from_millis(5));
         let known = times.lead(kind(Work::JoiningAndPlanningAnew));
         assert_eq!(times.lead(kind(Work::Joining)), known);

@@ -34,16 +34,16 @@ pub(crate) struct Job {
     pub(crate) deadline: Instant,
     /// The early answer that is wanted, if any.
     pub(crate) early: Option<Early>,
-    /// Where the motions are to begin, asked when paths are planned; then the fastest candidate is an output of its own as soon as it is
+    /// Where the motions are to begin, asked when they may begin too late; then the fastest candidate is an output of its own as soon as it is
     /// known.
     pub(crate) late_switch: Option<LateSwitch>,
     /// Set when the client has cancelled the request.
     pub(crate) cancelled: Arc<AtomicBool>,
 }
 
-/// Chooses where the motion that is followed is left, with what is still to be done; none where the switch that was chosen last is in time, or
-/// the motion cannot be left any more.
-pub(crate) type LateSwitch = Box<dyn Fn(ToBeDone) -> Option<Switch> + Send + Sync>;
+/// Chooses where the motion that is followed is left, with what is still to be done; none where the switch that was chosen last is in time, the
+/// motion cannot be left any more, or none can begin where it would be.
+pub(crate) type LateSwitch = Box<dyn Fn(ToBeDone, &CanBegin) -> Option<Switch> + Send + Sync>;
 
 /// Where candidates begin, as it was chosen while they were planned.
 pub(crate) struct LateBegin {
@@ -114,8 +114,8 @@ impl PlanRunner {
     /// # Errors
     /// What the system says where there can be no more files.
     pub(crate) fn new(planner: Arc<Planner>, kind: PlannerKind) -> io::Result<Self> {
-        // Room for all outputs of a job (motions begin elsewhere twice at most), so that a worker never waits.
-        let (outgoing, outputs) = sync_channel(5);
+        // Room for all outputs of a job (motions begin elsewhere four times at most), so that a worker never waits.
+        let (outgoing, outputs) = sync_channel(7);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
             idle: IdleWarmUp::new(Arc::clone(&planner)),
@@ -190,8 +190,7 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
     let begin = |to_be_done: ToBeDone, can_begin: &CanBegin| {
         let chosen = Instant::now();
         let choose = job.late_switch.as_ref();
-        let switch = choose.and_then(|choose| choose(to_be_done));
-        let switch = switch.filter(|switch| can_begin(&switch.state));
+        let switch = choose.and_then(|choose| choose(to_be_done, can_begin));
         if switch.is_some() || !to_be_done.is_known() {
             outgoing.send(PlanOutput::Begins(LateBegin {
                 switch,

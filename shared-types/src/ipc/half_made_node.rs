@@ -1,7 +1,9 @@
-//! Removes what a node leaves whose process was killed before others could see that it lives.
+//! Removes what a node leaves whose process was killed before others could see that it lives, or who cleaned up after it while they did.
 //!
 //! iceoryx2 0.10.0 makes the folder of a node (`nodes/<id>`) first, then three files that tell whether its process lives
-//! (`nodes/<prefix>_<id>.node_monitor…`); the last step makes the context among them readable. It cleans up after those alone that came so far.
+//! (`nodes/<prefix>_<id>.node_monitor…`); the last step makes the context among them readable. It cleans up after those alone that came so far,
+//! and removes the context last: where the process that cleans up is killed before that, the node counts as being cleaned up for ever
+//! (`ProcessMonitor::state` in `iceoryx2-bb-posix/src/process_state.rs`).
 //!
 //! Whether the maker lives is asked of its process id: one of another pid namespace (a container) counts as dead. Its node is lost if it was
 //! stopped for a second between those steps, which take microseconds.
@@ -20,14 +22,18 @@ const NODES: &str = "nodes";
 const MONITOR: &str = ".node_monitor";
 const OWNER_LOCK: &str = ".node_monitor_owner_lock";
 const CONTEXT: &str = ".node_monitor_context";
+/// How the names of a node's files end.
+const ENDS: [&str; 3] = [MONITOR, OWNER_LOCK, CONTEXT];
 /// A context that its owner may read is whole.
 const READABLE: u32 = 0o400;
 
-/// The folders of nodes that others cannot see alive or dead.
-pub(super) fn half_made_nodes(root: &Path) -> Vec<PathBuf> {
-    let names = names(&root.join(NODES));
-    let ids = names.iter().filter(|name| maker(name).is_some());
-    let folders = ids.map(|id| root.join(NODES).join(id));
+/// The folders, there or not, of nodes that others cannot see alive or dead.
+pub(super) fn half_made_nodes(root: &Path) -> BTreeSet<PathBuf> {
+    let nodes = root.join(NODES);
+    let names = names(&nodes);
+    let ids = names.iter().map(|name| id_in(name));
+    let ids = ids.filter(|id| maker(id).is_some());
+    let folders = ids.map(|id| nodes.join(id));
     folders.filter(|folder| !is_whole(folder, &names)).collect()
 }
 
@@ -36,22 +42,26 @@ pub(super) fn half_made_nodes(root: &Path) -> Vec<PathBuf> {
 /// # Errors
 /// What the system says; [`io::ErrorKind::WouldBlock`] for what is to stay: of a maker that lives, of another user, whole, or no node.
 pub(super) fn remove_half_made_node(folder: &Path) -> io::Result<()> {
-    let data = fs::symlink_metadata(folder)?;
-    let is_own = data.is_dir() && data.uid() == geteuid().as_raw();
     let is_dead = id(folder)
         .and_then(maker)
         .is_some_and(|maker| !lives(maker));
     let names = folder.parent().map(names).unwrap_or_default();
-    if !is_own || !is_dead || is_whole(folder, &names) {
+    let files = ENDS.iter().flat_map(|end| files(folder, &names, end));
+    let files: Vec<PathBuf> = files.collect();
+    let is_own = |path: &PathBuf| {
+        fs::symlink_metadata(path).is_ok_and(|data| data.uid() == geteuid().as_raw())
+    };
+    let is_own_folder = match fs::symlink_metadata(folder) {
+        Ok(data) => data.is_dir() && data.uid() == geteuid().as_raw(),
+        Err(error) => error.kind() == io::ErrorKind::NotFound,
+    };
+    if !is_own_folder || !files.iter().all(is_own) || !is_dead || is_whole(folder, &names) {
         return Err(io::ErrorKind::WouldBlock.into());
     }
-    fs::remove_dir_all(folder)?;
-    for end in [MONITOR, OWNER_LOCK, CONTEXT] {
-        for file in files(folder, &names, end) {
-            fs::remove_file(file)?;
-        }
+    if names.contains(id(folder).unwrap_or_default()) {
+        fs::remove_dir_all(folder)?;
     }
-    Ok(())
+    files.iter().try_for_each(fs::remove_file)
 }
 
 fn names(nodes: &Path) -> BTreeSet<String> {
@@ -64,6 +74,12 @@ fn id(folder: &Path) -> Option<&str> {
     folder.file_name()?.to_str()
 }
 
+/// The id of the node that the folder or the file of this name is of.
+fn id_in(name: &str) -> &str {
+    let stem = ENDS.iter().find_map(|end| name.strip_suffix(end));
+    stem.map_or(name, |stem| stem.rsplit('_').next().unwrap_or(stem))
+}
+
 /// The files of a node whose names end so, whatever the prefix.
 fn files(folder: &Path, names: &BTreeSet<String>, end: &str) -> Vec<PathBuf> {
     let end = format!("{}{end}", id(folder).unwrap_or_default());
@@ -72,9 +88,10 @@ fn files(folder: &Path, names: &BTreeSet<String>, end: &str) -> Vec<PathBuf> {
 }
 
 fn is_whole(folder: &Path, names: &BTreeSet<String>) -> bool {
-    let contexts = files(folder, names, CONTEXT);
+    let is_there = |end: &&str| !files(folder, names, end).is_empty();
     let is_readable = |path: &PathBuf| fs::metadata(path).is_ok_and(|it| it.mode() & READABLE != 0);
-    contexts.iter().any(is_readable)
+    [MONITOR, OWNER_LOCK].iter().all(is_there)
+        && files(folder, names, CONTEXT).iter().any(is_readable)
 }
 
 /// The process that made the node of this id: iceoryx2 joins seconds, nanoseconds, process and a count to a number of 128 bits, the first one
@@ -131,9 +148,28 @@ mod tests {
             let root = TempDir::new().unwrap();
             let folder = node(root.path(), ended_process(), steps);
             let half_made = half_made_nodes(root.path());
-            assert_eq!(half_made, std::slice::from_ref(&folder), "{steps}");
+            assert_eq!(half_made, BTreeSet::from([folder.clone()]), "{steps}");
             remove_half_made_node(&folder).unwrap();
             assert!(names(&root.path().join(NODES)).is_empty(), "{steps}");
+        }
+    }
+
+    #[test]
+    fn nothing_remains_where_who_cleaned_up_died_before_the_last_step() {
+        for has_folder in [true, false] {
+            let root = TempDir::new().unwrap();
+            let folder = node(root.path(), ended_process(), 4);
+            if !has_folder {
+                fs::remove_dir_all(&folder).unwrap();
+            }
+            for end in [MONITOR, OWNER_LOCK] {
+                let path = folder.with_file_name(format!("any_{}{end}", id(&folder).unwrap()));
+                fs::remove_file(path).unwrap();
+                let half_made = half_made_nodes(root.path());
+                assert_eq!(half_made, BTreeSet::from([folder.clone()]), "{end}");
+            }
+            remove_half_made_node(&folder).unwrap();
+            assert!(names(&root.path().join(NODES)).is_empty());
         }
     }
 
@@ -146,7 +182,7 @@ mod tests {
             fs::create_dir(root.path().join(NODES).join(name)).unwrap();
         }
         let half_made = half_made_nodes(root.path());
-        assert_eq!(half_made, std::slice::from_ref(&alive));
+        assert_eq!(half_made, BTreeSet::from([alive.clone()]));
         let before = names(&root.path().join(NODES));
         for folder in [alive, whole.with_file_name("007"), whole] {
             let refused = remove_half_made_node(&folder).unwrap_err();

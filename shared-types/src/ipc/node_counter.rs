@@ -77,7 +77,7 @@ impl Drop for NodeCounter {
 /// # Errors
 /// What the system says.
 pub(super) fn protect_shared(prefix: &str) -> io::Result<()> {
-    let path = Path::new(FOLDER).join(format!("{prefix}{NAME}{SUFFIX}"));
+    let path = shared(prefix);
     match fs::symlink_metadata(&path) {
         Ok(data) if data.uid() != geteuid().as_raw() => return Ok(()),
         Ok(data) if data.mode() & 0o777 == 0o600 && is_whole(&path) => return Ok(()),
@@ -85,6 +85,17 @@ pub(super) fn protect_shared(prefix: &str) -> io::Result<()> {
     }
     let fresh = NodeCounter::make(prefix)?;
     fs::rename(&fresh.path, &path)
+}
+
+/// Removes the memory that clients in other languages take under a prefix that nobody uses any more.
+pub(super) fn remove_shared(prefix: &str) {
+    // Never made, perhaps.
+    let _ = fs::remove_file(shared(prefix));
+}
+
+/// The name that the rule of iceoryx2 gives.
+fn shared(prefix: &str) -> PathBuf {
+    Path::new(FOLDER).join(format!("{prefix}{NAME}{SUFFIX}"))
 }
 
 /// Whether a name in the folder of shared memory is one that [`NodeCounter`] makes for a moment.
@@ -142,10 +153,6 @@ mod tests {
         }
     }
 
-    fn shared(options: &IpcOptions) -> PathBuf {
-        Path::new(FOLDER).join(format!("{}{NAME}{SUFFIX}", options.file_prefix()))
-    }
-
     #[test]
     fn iceoryx2_takes_the_number_that_it_was_given_and_the_name_is_gone() {
         let folder = tempfile::tempdir().unwrap();
@@ -163,14 +170,14 @@ mod tests {
             &prefix,
             &format!("{prefix}{NAME}.{:032x}{SUFFIX}", 1)
         ));
-        fs::remove_file(shared(&options)).unwrap();
+        fs::remove_file(shared(&options.file_prefix())).unwrap();
     }
 
     #[test]
     fn the_memory_of_other_languages_is_made_private_and_mended() {
         let folder = tempfile::tempdir().unwrap();
         let options = options(folder.path());
-        let path = shared(&options);
+        let path = shared(&options.file_prefix());
         let spoil: [fn(&Path); 4] = [
             |_| (),
             |path| fs::set_permissions(path, fs::Permissions::from_mode(0o666)).unwrap(),

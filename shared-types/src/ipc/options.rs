@@ -11,6 +11,7 @@ use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, Path as IoxPath, SemanticString};
 use rustix::process::geteuid;
 
+use super::node_counter::remove_shared;
 use super::{IpcError, root_folder};
 
 /// Longest time for making a service or a port: some milliseconds, and the stalls of a busy machine. A process that waits for one that a
@@ -46,6 +47,11 @@ impl IpcOptions {
             prefix: prefix.to_string_lossy().into_owned(),
             root: env::var_os("PCC_ROOT").map_or_else(default_root, PathBuf::from),
         }
+    }
+
+    /// Removes the shared memory (16 bytes) that iceoryx2 leaves for this prefix; only once no process uses it any more.
+    pub fn remove_node_counter(&self) {
+        remove_shared(&self.file_prefix());
     }
 
     /// The full name of a service.

@@ -97,6 +97,15 @@ impl Bench {
         self.trajectories.send_copy(wire).unwrap();
     }
 
+    /// Sends a trajectory that begins in a second, which the loop is handed.
+    fn hand_over(&mut self, id: u32) -> Motion {
+        self.send(id, |_| ());
+        self.relay.round();
+        let mut handed_over = self.handed_over();
+        assert_eq!(handed_over.len(), 1);
+        handed_over.remove(0)
+    }
+
     /// The trajectories that the loop was handed.
     fn handed_over(&mut self) -> Vec<Motion> {
         std::iter::from_fn(|| self.at_loop.motions.pop().ok()).collect()
@@ -205,9 +214,7 @@ fn a_motion_that_no_cycle_names_is_named_in_the_state() {
         (9, Ending::SetAside(StopOrigin::Signal), 8),
         (10, Ending::Stopped(StopOrigin::Signal), 10),
     ] {
-        bench.send(id, |_| ());
-        bench.relay.round();
-        let motion = bench.handed_over().remove(0);
+        let motion = bench.hand_over(id);
         bench.give_back(motion, ending);
         bench.relay.round();
         let told = bench.relay.view.message(&bench.relay.link.shared);
@@ -219,9 +226,7 @@ fn a_motion_that_no_cycle_names_is_named_in_the_state() {
 fn a_motion_that_was_left_is_not_named_after_the_one_that_is_followed() {
     let mut bench = Bench::new();
     bench.report_cycle();
-    bench.send(8, |_| ());
-    bench.relay.round();
-    let motion = bench.handed_over().remove(0);
+    let motion = bench.hand_over(8);
     bench.give_back(motion, Ending::Joined(9));
     bench.world.last.as_mut().unwrap().trajectory_id = 9;
     bench.world.last.as_mut().unwrap().stamp_ns = mono_now_ns();
@@ -235,9 +240,7 @@ fn a_motion_that_was_left_is_not_named_after_the_one_that_is_followed() {
 fn a_cycle_that_is_told_late_does_not_name_a_motion_before_the_one_that_has_ended() {
     let mut bench = Bench::new();
     bench.report_cycle();
-    bench.send(8, |_| ());
-    bench.relay.round();
-    let motion = bench.handed_over().remove(0);
+    let motion = bench.hand_over(8);
     bench.world.last.as_mut().unwrap().trajectory_id = 7;
     bench.world.last.as_mut().unwrap().stamp_ns = mono_now_ns();
     bench.give_back(motion, Ending::Reached);
@@ -271,9 +274,7 @@ fn a_flood_of_trajectories_is_taken_some_at_a_time() {
 fn what_the_loop_has_when_the_process_ends_is_set_aside() {
     let mut bench = Bench::new();
     bench.report_cycle();
-    bench.send(8, |_| ());
-    bench.relay.round();
-    assert_eq!(bench.handed_over().len(), 1);
+    bench.hand_over(8);
     let ended = &bench.at_loop.shared.loop_has_ended;
     ended.store(true, Ordering::Release);
     bench.relay.end();

@@ -118,7 +118,9 @@ fn after_braking(context: &RequestContext, motion: &StartMotion) -> Result<Plan,
     let padded = context.constraints.padded;
     let after = RequestContext::new(context.resources, padded, &after, &shorter, supervision)
         .with_bending_slack(braking.bending_slack_rad());
-    let is_afresh = request.sampler == Sampler::Default && request.previous.is_none();
+    let is_afresh = request.sampler == Sampler::Default
+        && request.previous.is_none()
+        && context.constraints.moving.is_empty();
     let anew = |braking: &Braking, end: &Configuration| fastest_to(context, braking, end);
     let joining = Joining {
         braking: &braking,
@@ -134,7 +136,7 @@ fn after_braking(context: &RequestContext, motion: &StartMotion) -> Result<Plan,
     } = segments_first(context, &joining, &after)?;
     let early = supervision.early_selection;
     let late = early.filter(|_| segments.selected().is_none());
-    let plans_anew = is_afresh && joining.is_planned_anew(&plan);
+    let plans_anew = is_afresh && joining.expects_planning_paths_anew(&plan);
     let [joining_all, joining_again] = match plans_anew {
         true => [
             ToBeDone::JoiningAndPlanningAnew,
@@ -158,7 +160,7 @@ fn after_braking(context: &RequestContext, motion: &StartMotion) -> Result<Plan,
     Ok(joining.plan(plan, segments, late))
 }
 
-/// A plan from rest, and straight segments that were joined before it was made.
+/// A plan from rest, and segments that were joined before it was made.
 struct SegmentsFirst<'a> {
     plan: Plan,
     segments: JoinedSegments,
@@ -195,9 +197,9 @@ fn braking_later<'a>(
     later.into_inner()
 }
 
-/// Plans from where a robot in motion can rest among obstacles that rest; before the default sampler draws paths, straight segments are
-/// joined, of which the fastest motion mostly is one and is told as soon as it is known. What remains of a motion that is followed is to
-/// be compared with all.
+/// Plans from where a robot in motion can rest among obstacles that rest; before the default sampler draws paths, segments, pushed where they
+/// must be, are joined, of which the fastest motion mostly is one and is told as soon as it is known. What remains of a motion that is followed
+/// is to be compared with all.
 fn segments_first<'a>(
     context: &RequestContext<'a>,
     joining: &Joining,
@@ -235,7 +237,7 @@ fn segments_first<'a>(
 }
 
 /// The segments with their fastest motion as it is executed, where that is the fastest of the request: planned anew where it may be later than
-/// after a stop, and begun where the motion that is left can still be left by then, which is the braking.
+/// after a stop, and joined to the braking that is returned, where the motion that is left could not be left as soon as the request says.
 fn settled<'a>(
     context: &RequestContext<'a>,
     joining: &Joining,
@@ -245,27 +247,34 @@ fn settled<'a>(
     let early = context.supervision.early_selection;
     let early = early.filter(|_| segments.selected().is_some());
     let later = |to_be_done| early.and_then(|early| braking_later(context, early, to_be_done));
-    let plans_anew = joining.plans_fastest_anew(&segments);
+    let plans_anew = joining.expects_planning_anew(&segments);
     let first = later(match plans_anew {
         true => ToBeDone::PlanningAnew,
-        false => ToBeDone::SegmentAgain,
+        false => segments.to_be_done_again(),
     });
-    let from_first = joining.from(first.as_ref());
-    let segments = match (plans_anew, &first) {
-        (true, _) => from_first.fastest_anew(&segments, goals),
-        (false, Some(_)) => {
-            from_first.with_fastest_improved(from_first.fastest_again(&segments, goals))
+    let segments = match &first {
+        None => joining.with_fastest_improved(segments),
+        Some(braking) => {
+            let joining = Joining {
+                braking,
+                ..*joining
+            };
+            match plans_anew {
+                true => joining.fastest_anew(&segments, goals),
+                false => joining.with_fastest_improved(joining.fastest_again(&segments, goals)),
+            }
         }
-        (false, None) => from_first.with_fastest_improved(segments),
     };
-    if !segments.take_a_detour() {
-        return (segments, first);
-    }
-    let Some(second) = later(ToBeDone::PathAgain) else {
+    let asked = segments.selected().map(|_| segments.to_be_done_again());
+    let Some(second) = asked.and_then(later) else {
         return (segments, first);
     };
-    let from_second = joining.from(Some(&second));
-    (from_second.fastest_again(&segments, goals), Some(second))
+    let joining = Joining {
+        braking: &second,
+        ..*joining
+    };
+    let segments = joining.fastest_again(&segments, goals);
+    (segments, Some(second))
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.

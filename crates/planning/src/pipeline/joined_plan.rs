@@ -1,7 +1,7 @@
 //! A plan from rest whose motions are joined to the braking of a robot in motion: the fastest first, which is told before the others are joined.
 
 use crate::pipeline::braking::Braking;
-use crate::pipeline::joining::{AT_ONCE, JoinedDraw, Joining};
+use crate::pipeline::joining::{AT_ONCE, JoinedDraw, Joining, USUAL_GAIN};
 use crate::pipeline::segments::JoinedSegments;
 use crate::pipeline::selection::select;
 use crate::plan::{Candidate, Failure, Plan};
@@ -168,12 +168,15 @@ impl Joining<'_> {
         Some(it)
     }
 
-    /// Whether the fastest motion of a plan from rest, joined, is expected to be planned anew.
-    pub(super) fn is_planned_anew(&self, plan: &Plan) -> bool {
+    /// Whether the fastest motion of a plan from rest, joined, is expected to be planned anew: it takes longer than a straight segment by more
+    /// than joining mostly wins.
+    pub(super) fn expects_planning_paths_anew(&self, plan: &Plan) -> bool {
         let by_duration =
             |a: &&Candidate, b: &&Candidate| a.metrics.duration_s.total_cmp(&b.metrics.duration_s);
         let fastest = plan.candidates.iter().min_by(by_duration);
-        fastest.is_some_and(|it| self.takes_a_detour(it))
+        let detour_s =
+            fastest.and_then(|it| Some(it.metrics.duration_s - self.straight_s(&it.end())?));
+        detour_s.is_some_and(|detour_s| detour_s > USUAL_GAIN * self.braking.motion.duration())
     }
 }
 

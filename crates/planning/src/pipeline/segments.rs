@@ -5,6 +5,7 @@ use crate::motion::incumbent::{Incumbent, ShortestDuration};
 use crate::path::waypoints::straight_path;
 use crate::pipeline::joining::{AT_ONCE, JoinedDraw, Joining};
 use crate::plan::{Candidate, Draw, Failure};
+use crate::request::ToBeDone;
 use codes::Source;
 use pcc_model::Configuration;
 use rayon::prelude::*;
@@ -13,7 +14,8 @@ use rayon::prelude::*;
 #[derive(Default)]
 pub(super) struct JoinedSegments {
     pub(super) segments: Vec<JoinedDraw>,
-    /// Whether no motion to any other goal configuration is expected to be faster than the fastest of these.
+    /// Whether no motion to any other goal configuration is expected to be faster than the fastest of these. To one whose segment became too
+    /// slow when it was pushed, another path may be.
     pub(super) is_settled: bool,
 }
 
@@ -26,8 +28,7 @@ impl JoinedSegments {
         }
     }
 
-    /// The fastest motion of the request, where it is known: from rest to rest no path to the same goal configuration is faster than a
-    /// straight segment (decision 0012), joined to a braking hardly any, and where it must be pushed, few (decision 0031).
+    /// The fastest motion of the request, where it is known (decisions 0031 and 0040).
     pub(super) fn selected(&self) -> Option<&Candidate> {
         Some(&self.fastest()?.joined)
     }
@@ -38,13 +39,16 @@ impl JoinedSegments {
         segments.min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))
     }
 
-    /// Whether the fastest motion follows another path than the straight segment.
-    pub(super) fn take_a_detour(&self) -> bool {
-        self.fastest().is_some_and(|it| !it.is_straight)
+    /// What is to be done where the fastest motion is to begin in another state.
+    pub(super) fn to_be_done_again(&self) -> ToBeDone {
+        match self.fastest().is_some_and(|it| !it.is_straight) {
+            true => ToBeDone::PathAgain,
+            false => ToBeDone::SegmentAgain,
+        }
     }
 
     /// These without segments that were pushed and are not the fastest: other paths to the same goal configurations may be faster.
-    fn without_slower_detours(mut self) -> Self {
+    fn without_slower_pushed(mut self) -> Self {
         let fastest = self.selected().map(|fastest| fastest.draw);
         self.segments
             .retain(|it| it.is_straight || Some(it.joined.draw) == fastest);
@@ -84,7 +88,7 @@ impl Joining<'_> {
             is_settled: others_s > longest_s,
             segments,
         };
-        segments.without_slower_detours()
+        segments.without_slower_pushed()
     }
 
     /// The fastest of known segments, joined to this braking, which begins a moment later: it is still the fastest; where it is not certified from
@@ -104,24 +108,21 @@ impl Joining<'_> {
         if known.is_straight {
             return self.straight(index, &goals[index], f64::INFINITY).ok();
         }
-        let joined = self.braking.candidate(&known.from_rest).ok()?;
-        let draw = Draw {
-            outcome: Ok(joined.certified()),
+        let from_rest = Draw {
+            outcome: Ok(known.from_rest.certified()),
             ..known.draw.clone()
         };
-        Some(JoinedDraw {
-            draw,
-            from_rest: known.from_rest.clone(),
-            joined,
-            is_straight: false,
-        })
+        self.joined(index, from_rest).ok()
     }
 
-    /// Whether the fastest motion is expected to be planned anew, since it may be later than one after a stop.
-    pub(super) fn plans_fastest_anew(&self, segments: &JoinedSegments) -> bool {
-        let is_expected = |it: &JoinedDraw| match it.is_straight {
-            true => !self.is_surely_no_later(&it.joined, it.from_rest.metrics.duration_s),
-            false => self.takes_a_detour(&it.from_rest),
+    /// Whether the fastest motion is to be planned anew, since it may be later than one after a stop.
+    pub(super) fn expects_planning_anew(&self, segments: &JoinedSegments) -> bool {
+        let straight_s = |it: &JoinedDraw| match it.is_straight {
+            true => Some(it.from_rest.metrics.duration_s),
+            false => self.straight_s(&it.from_rest.end()),
+        };
+        let is_expected = |it: &JoinedDraw| {
+            straight_s(it).is_some_and(|least_s| !self.is_surely_no_later(&it.joined, least_s))
         };
         self.anew.is_some() && segments.fastest().is_some_and(is_expected)
     }
@@ -137,6 +138,7 @@ impl Joining<'_> {
             let index = it.joined.draw;
             self.planned_anew(index, &goals[index], None)
         });
+        let anew = anew.filter(|_| !self.is_interrupted());
         anew.map_or_else(
             || self.fastest_again(known, goals),
             JoinedSegments::of_fastest,
@@ -166,11 +168,15 @@ impl Joining<'_> {
     ) -> Result<JoinedDraw, Failure> {
         let straight = self.straight(draw, goal, longest_s);
         match straight {
-            Err(Failure::Collision | Failure::Bending) if self.anew.is_some() => {
+            Err(Failure::Collision | Failure::Bending) if self.pushes() => {
                 self.pushed(draw, goal, longest_s)
             }
             straight => straight,
         }
+    }
+
+    fn pushes(&self) -> bool {
+        self.anew.is_some() && self.braking.after().corrections > 0
     }
 
     /// The straight segment pushed out of obstacles.

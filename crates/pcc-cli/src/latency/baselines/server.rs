@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::{env, fs, io, process, thread};
+use std::{env, io, process, thread};
 
 use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
@@ -106,25 +106,11 @@ impl Server {
     }
 }
 
-impl Server {
-    /// Removes the 16 bytes of shared memory that iceoryx2 leaves for every prefix: nobody else uses this one.
-    fn remove_node_counter(&self) {
-        let begin = format!("{}_", self.options.prefix);
-        for entry in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
-            let name = entry.file_name();
-            let name = name.to_string_lossy();
-            if name.starts_with(&begin) && name.ends_with(".global_mgmt") {
-                let _ = fs::remove_file(entry.path());
-            }
-        }
-    }
-}
-
 impl Drop for Server {
     fn drop(&mut self) {
         // It ends with its input, and leaves nothing behind then.
         drop(self.process.stdin.take());
         let _ = self.process.wait();
-        self.remove_node_counter();
+        self.options.remove_node_counter();
     }
 }

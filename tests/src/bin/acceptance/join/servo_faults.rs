@@ -201,6 +201,11 @@ impl Case {
             "the motion ended otherwise"
         );
         self.recover(&mut all)?;
+        self.judge_next_motion(report, &mut all)
+    }
+
+    /// Whether a motion afterwards is followed as if nothing had been.
+    fn judge_next_motion(&self, report: &mut Report, all: &mut ServoStack) -> anyhow::Result<()> {
         let to = [TIP_M[0], -TIP_M[1], TIP_M[2]];
         let id = all.stack.begin_motion(Goal::tip(to))?;
         let ended = all.stack.wait_for_end(id);

@@ -246,9 +246,18 @@ struct OpenLoop {
     /// Requests a second.
     rate: u32,
     lasts_s: u32,
-    daemon: Settings,
-    /// Whether so much is more than the daemon serves.
-    is_too_much: bool,
+    amount: Amount,
+}
+
+/// How much a load is for the daemon.
+#[derive(Clone, Copy)]
+enum Amount {
+    /// It plans all of it.
+    Planned,
+    /// More than it plans; its queue is as shipped.
+    TooMuch,
+    /// The same, with a queue of one for each client.
+    TooMuchForShortQueue,
 }
 
 fn open_loop(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
@@ -256,21 +265,15 @@ fn open_loop(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         let load = OpenLoop {
             rate,
             lasts_s: scale.pick(5, 60),
-            daemon: Settings::default(),
-            is_too_much: false,
+            amount: Amount::Planned,
         };
         load.run(report)?;
     }
-    let queue_of_one = Settings {
-        daemon: vec![("queued_per_client", 1.into())],
-        ..Settings::default()
-    };
-    for daemon in [Settings::default(), queue_of_one] {
+    for amount in [Amount::TooMuch, Amount::TooMuchForShortQueue] {
         let load = OpenLoop {
             rate: OVERLOAD,
             lasts_s: scale.pick(2, 10),
-            daemon,
-            is_too_much: true,
+            amount,
         };
         load.run(report)?;
     }
@@ -279,9 +282,9 @@ fn open_loop(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
 
 impl OpenLoop {
     fn line(&self, what: &str) -> String {
-        let queue = match self.has_short_queue() {
-            true => ", a queue of one for each client",
-            false => "",
+        let queue = match self.amount {
+            Amount::Planned | Amount::TooMuch => "",
+            Amount::TooMuchForShortQueue => ", a queue of one for each client",
         };
         format!(
             "latency: open loop, {} requests a second{queue}: {what}",
@@ -289,12 +292,19 @@ impl OpenLoop {
         )
     }
 
-    fn has_short_queue(&self) -> bool {
-        !self.daemon.daemon.is_empty()
+    fn settings(&self) -> Settings {
+        let daemon = match self.amount {
+            Amount::Planned | Amount::TooMuch => Vec::new(),
+            Amount::TooMuchForShortQueue => vec![("queued_per_client", 1.into())],
+        };
+        Settings {
+            daemon,
+            ..Settings::default()
+        }
     }
 
     fn run(&self, report: &mut Report) -> anyhow::Result<()> {
-        let mut stack = daemon(&self.daemon)?;
+        let mut stack = daemon(&self.settings())?;
         stack.disconnect_client();
         let file = stack.world.folder().join("stamps.txt");
         let stamps = file.display().to_string();
@@ -322,15 +332,17 @@ impl OpenLoop {
         let stamped = self.line("requests that were answered, by their stamps");
         report.all_of(&stamped, replies.len(), requests as usize);
         self.arrivals(report, &replies);
-        if self.has_short_queue() {
-            let bar = format!("`{overloaded}` more than once");
-            report.check(&line, figure, &bar, count(&overloaded) > 1);
-        } else if self.is_too_much {
-            report.shown(&line, figure);
-        } else {
-            let planned = plans["planned"].as_u64().unwrap_or(0);
-            report.check(&line, figure, "all planned", planned == u64::from(requests));
-            self.count_from_when_due(report, plans, &replies);
+        match self.amount {
+            Amount::Planned => {
+                let planned = plans["planned"].as_u64().unwrap_or(0);
+                report.check(&line, figure, "all planned", planned == u64::from(requests));
+                self.count_from_when_due(report, plans, &replies);
+            }
+            Amount::TooMuch => report.shown(&line, figure),
+            Amount::TooMuchForShortQueue => {
+                let bar = format!("`{overloaded}` more than once");
+                report.check(&line, figure, &bar, count(&overloaded) > 1);
+            }
         }
         Ok(())
     }
