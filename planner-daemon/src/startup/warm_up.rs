@@ -19,6 +19,26 @@ const IN_MOTION: u32 = 24;
 /// The last ones of these, which are as fast as later plans.
 const WARM: u32 = 16;
 
+/// Where the ball of a plan in motion is: each has the fastest motion become known by work of another kind.
+#[derive(Clone, Copy)]
+enum Obstacle {
+    /// Beside the robot.
+    Beside,
+    /// In the way of a straight segment, which is pushed.
+    Pushed,
+    /// Likewise, and large: the fastest motion is planned anew.
+    Detour,
+    /// In the way of a segment that is not pushed: paths are planned.
+    Unavoided,
+}
+
+const OBSTACLES: [Obstacle; 4] = [
+    Obstacle::Beside,
+    Obstacle::Pushed,
+    Obstacle::Detour,
+    Obstacle::Unavoided,
+];
+
 /// Plans once from rest with every sampler that has a model, and some times in motion; returns how long the latter took.
 ///
 /// Of the diffusion samplers it is the guided one: it has the gradients' memory beside that of the others.
@@ -30,7 +50,8 @@ pub(super) fn warm_up(planner: &Planner, config: &Config) -> Result<LeadTimes, P
         Some(_) => Sampler::Default,
         None => Sampler::Straight,
     };
-    let from_rest = problem(planner.robot(), &Configuration::zeros(), 0);
+    let at_rest = Configuration::zeros();
+    let from_rest = problem(planner.robot(), &at_rest, 0, Obstacle::Beside);
     if config.diffusion.is_some() {
         let request = request(planner, config, Sampler::DiffusionGuided);
         planner.plan(&from_rest, &request, &|| false)?;
@@ -57,13 +78,18 @@ fn plan_in_motion(
     index: u32,
 ) -> Vec<(PlanKind, Duration)> {
     let state = motion.at(motion.duration() * f64::from(index) / f64::from(IN_MOTION + 2));
-    let problem = problem(planner.robot(), &state.position, index);
+    let obstacle = OBSTACLES[index as usize % OBSTACLES.len()];
+    let problem = problem(planner.robot(), &state.position, index, obstacle);
     let request = Request {
         seed: index.into(),
         start_motion: Some(StartMotion {
             velocity: state.velocity,
             acceleration: state.acceleration,
         }),
+        corrections: match obstacle {
+            Obstacle::Unavoided => 0,
+            _ => request.corrections,
+        },
         ..request.clone()
     };
     let (begun, late, selected) = (Instant::now(), OnceLock::new(), OnceLock::new());
@@ -100,28 +126,18 @@ fn plan_in_motion(
     std::iter::once(whole).chain(early).collect()
 }
 
-/// A motion of the tip; its place is reached in many configurations. A ball is beside the way, or, where the number is odd, in the way of a
-/// straight segment.
-fn problem(robot: &UnitRobot, start: &Configuration, index: u32) -> Problem {
+/// To a place of the tip that many configurations reach, beside a ball, or to one configuration.
+fn problem(robot: &UnitRobot, start: &Configuration, index: u32, obstacle: Obstacle) -> Problem {
     let bending = |row: usize| (f64::from(index) + row as f64 + 1.0).sin();
     let reached = Configuration::from_fn(|row, _| 0.5 * robot.bending_limit * bending(row));
+    let half_way = robot.tip(&(0.5 * (start + reached)));
     let beside = Point::new(1.5 + robot.largest_tube_radius(), 0.0, 1.5);
-    let (goal, ball) = match index % 2 {
-        0 => (
-            Goal::Tip(robot.tip(&reached)),
-            Ball {
-                centre: beside,
-                radius: 0.3,
-            },
-        ),
-        _ => (
-            Goal::Configuration(reached),
-            Ball {
-                centre: robot.tip(&(0.5 * (start + reached))),
-                radius: 0.1,
-            },
-        ),
+    let (goal, centre, radius) = match obstacle {
+        Obstacle::Beside => (Goal::Tip(robot.tip(&reached)), beside, 0.3),
+        Obstacle::Pushed | Obstacle::Unavoided => (Goal::Configuration(reached), half_way, 0.1),
+        Obstacle::Detour => (Goal::Configuration(reached), half_way, 0.25),
     };
+    let ball = Ball { centre, radius };
     Problem {
         start: *start,
         goal,
@@ -142,5 +158,52 @@ fn request(planner: &Planner, config: &Config, sampler: Sampler) -> Request {
         start_motion: None,
         previous: None,
         end_to_move: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use denoiser::{FastModel, Manifest};
+    use pcc_model::Robot;
+    use planning::Models;
+    use std::path::Path;
+
+    #[test]
+    fn each_kind_of_work_in_motion_is_done_before_the_first_request() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let robot = Robot::from_file(&root.join("config/robots/unit.toml")).unwrap();
+        let robot = robot.to_unit().unwrap();
+        let weights = Manifest::open(&root.join("weights"))
+            .unwrap()
+            .weights("fast");
+        let fast = FastModel::from_weights(&weights.unwrap(), robot.bending_limit).unwrap();
+        let models = Models {
+            fast: Some(fast),
+            ..Models::default()
+        };
+        let planner = Planner::new(robot, models, 2).unwrap();
+        let config = Config::from_file(&root.join("config/planner-daemon.toml")).unwrap();
+        let from_rest = problem(
+            planner.robot(),
+            &Configuration::zeros(),
+            0,
+            Obstacle::Beside,
+        );
+        let request = request(&planner, &config, Sampler::Default);
+        let plan = planner.plan(&from_rest, &request, &|| false).unwrap();
+        let motion = &plan.candidates[0].trajectory;
+        let indices = IN_MOTION - WARM + 1..=IN_MOTION;
+        let took = indices.flat_map(|index| plan_in_motion(&planner, &request, motion, index));
+        let done: Vec<Work> = took.map(|(kind, _)| kind.work).collect();
+        for work in [
+            Work::WholePlan,
+            Work::StraightSegments,
+            Work::PlanningAnew,
+            Work::JoiningAndPlanningAnew,
+        ] {
+            let count = done.iter().filter(|it| **it == work).count();
+            assert!(count >= 3, "{work:?}: {count} of {done:?}");
+        }
     }
 }

@@ -247,8 +247,7 @@ fn settled<'a>(
     let early = context.supervision.early_selection;
     let early = early.filter(|_| segments.selected().is_some());
     let later = |to_be_done| early.and_then(|early| braking_later(context, early, to_be_done));
-    let plans_anew = joining.expects_planning_anew(&segments);
-    let first = later(match plans_anew {
+    let first = later(match joining.expects_planning_anew(&segments) {
         true => ToBeDone::PlanningAnew,
         false => segments.to_be_done_again(),
     });
@@ -259,10 +258,7 @@ fn settled<'a>(
                 braking,
                 ..*joining
             };
-            match plans_anew {
-                true => joining.fastest_anew(&segments, goals),
-                false => joining.with_fastest_improved(joining.fastest_again(&segments, goals)),
-            }
+            joining.with_fastest_improved(joining.fastest_again(&segments, goals))
         }
     };
     let asked = segments.selected().map(|_| segments.to_be_done_again());

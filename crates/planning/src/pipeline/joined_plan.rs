@@ -163,7 +163,7 @@ impl Joining<'_> {
             .iter_mut()
             .min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))?;
         let known = fastest.1.as_ref().ok()?;
-        let it = self.planned_anew(fastest.0, &known.end(), Some(known))?;
+        let it = self.planned_anew(known)?;
         fastest.1 = Ok(it.joined.clone());
         Some(it)
     }

@@ -50,7 +50,7 @@ impl Joining<'_> {
         if it.is_straight && self.is_surely_no_later(joined, from_rest.metrics.duration_s) {
             return it;
         }
-        let anew = self.planned_anew(joined.draw, &joined.end(), Some(joined));
+        let anew = self.planned_anew(joined);
         anew.unwrap_or(it)
     }
 
@@ -110,27 +110,21 @@ impl Joining<'_> {
         LARGEST_GAIN * self.braking.motion.duration()
     }
 
-    /// The fastest motion of a plan to one goal configuration alone, from where the robot now rests after braking, unless a known motion is
-    /// as fast: none of both is later than after a stop. Nothing is planned where the known one surely is not, or where the straight
-    /// segment surely is not.
-    pub(super) fn planned_anew(
-        &self,
-        draw: usize,
-        end: &Configuration,
-        known: Option<&Candidate>,
-    ) -> Option<JoinedDraw> {
-        let anew = self.anew?;
-        let straight_s = self.straight_s(end)?;
+    /// The fastest motion of a plan to the goal configuration of a known one alone, from where the robot now rests after braking, if it is faster:
+    /// the faster of both is no later than after a stop. Nothing is planned where the known one surely is not, or where the straight segment
+    /// surely is not.
+    pub(super) fn planned_anew(&self, known: &Candidate) -> Option<JoinedDraw> {
+        let (anew, end) = (self.anew?, known.end());
+        let straight_s = self.straight_s(&end)?;
         let is_enough = |joined: &Candidate| self.is_surely_no_later(joined, straight_s);
-        if known.is_some_and(is_enough) {
+        if is_enough(known) {
             return None;
         }
-        let straight = self.straight(draw, end, f64::INFINITY).ok();
+        let straight = self.straight(known.draw, &end, f64::INFINITY).ok();
         let straight = straight.filter(|it| is_enough(&it.joined));
-        let it = straight.or_else(|| self.joined(draw, anew(self.braking, end)?).ok())?;
+        let it = straight.or_else(|| self.joined(known.draw, anew(self.braking, &end)?).ok())?;
         let it = self.braked_otherwise(it);
-        let known_s = known.map_or(f64::INFINITY, |known| known.metrics.duration_s);
-        (it.joined.metrics.duration_s < known_s).then_some(it)
+        (it.joined.metrics.duration_s < known.metrics.duration_s).then_some(it)
     }
 
     /// Whether a joined motion surely arrives no later than the fastest one after a stop, whose straight segment takes `straight_s`: no path

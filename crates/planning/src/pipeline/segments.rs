@@ -127,24 +127,6 @@ impl Joining<'_> {
         self.anew.is_some() && segments.fastest().is_some_and(is_expected)
     }
 
-    /// A plan to the goal configuration of the fastest of known segments alone, in its place; the segment joined to this braking where there
-    /// is none.
-    pub(super) fn fastest_anew(
-        &self,
-        known: &JoinedSegments,
-        goals: &[Configuration],
-    ) -> JoinedSegments {
-        let anew = known.fastest().and_then(|it| {
-            let index = it.joined.draw;
-            self.planned_anew(index, &goals[index], None)
-        });
-        let anew = anew.filter(|_| !self.is_interrupted());
-        anew.map_or_else(
-            || self.fastest_again(known, goals),
-            JoinedSegments::of_fastest,
-        )
-    }
-
     /// The segments, the fastest motion of the request among them improved.
     pub(super) fn with_fastest_improved(&self, known: JoinedSegments) -> JoinedSegments {
         let fastest = known.selected().map(|fastest| fastest.draw);
