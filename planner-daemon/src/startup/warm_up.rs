@@ -19,7 +19,7 @@ const IN_MOTION: u32 = 24;
 /// The last ones of these, which are as fast as later plans.
 const WARM: u32 = 16;
 
-/// Where the ball of a plan in motion is: each has the fastest motion become known by work of another kind.
+/// Where the ball of a plan in motion is, on which depends how the fastest motion becomes known.
 #[derive(Clone, Copy)]
 enum Obstacle {
     /// Beside the robot.
@@ -28,16 +28,9 @@ enum Obstacle {
     Pushed,
     /// Likewise, and large: the fastest motion is planned anew.
     Detour,
-    /// In the way of a segment that is not pushed: paths are planned.
-    Unavoided,
 }
 
-const OBSTACLES: [Obstacle; 4] = [
-    Obstacle::Beside,
-    Obstacle::Pushed,
-    Obstacle::Detour,
-    Obstacle::Unavoided,
-];
+const OBSTACLES: [Obstacle; 3] = [Obstacle::Beside, Obstacle::Pushed, Obstacle::Detour];
 
 /// Plans once from rest with every sampler that has a model, and some times in motion; returns how long the latter took.
 ///
@@ -86,10 +79,6 @@ fn plan_in_motion(
             velocity: state.velocity,
             acceleration: state.acceleration,
         }),
-        corrections: match obstacle {
-            Obstacle::Unavoided => 0,
-            _ => request.corrections,
-        },
         ..request.clone()
     };
     let (begun, late, selected) = (Instant::now(), OnceLock::new(), OnceLock::new());
@@ -134,7 +123,7 @@ fn problem(robot: &UnitRobot, start: &Configuration, index: u32, obstacle: Obsta
     let beside = Point::new(1.5 + robot.largest_tube_radius(), 0.0, 1.5);
     let (goal, centre, radius) = match obstacle {
         Obstacle::Beside => (Goal::Tip(robot.tip(&reached)), beside, 0.3),
-        Obstacle::Pushed | Obstacle::Unavoided => (Goal::Configuration(reached), half_way, 0.1),
+        Obstacle::Pushed => (Goal::Configuration(reached), half_way, 0.1),
         Obstacle::Detour => (Goal::Configuration(reached), half_way, 0.25),
     };
     let ball = Ball { centre, radius };
@@ -170,7 +159,7 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn each_kind_of_work_in_motion_is_done_before_the_first_request() {
+    fn work_in_motion_is_done_before_the_first_request() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let robot = Robot::from_file(&root.join("config/robots/unit.toml")).unwrap();
         let robot = robot.to_unit().unwrap();
@@ -196,12 +185,7 @@ mod tests {
         let indices = IN_MOTION - WARM + 1..=IN_MOTION;
         let took = indices.flat_map(|index| plan_in_motion(&planner, &request, motion, index));
         let done: Vec<Work> = took.map(|(kind, _)| kind.work).collect();
-        for work in [
-            Work::WholePlan,
-            Work::StraightSegments,
-            Work::PlanningAnew,
-            Work::JoiningAndPlanningAnew,
-        ] {
+        for work in [Work::WholePlan, Work::StraightSegments, Work::PlanningAnew] {
             let count = done.iter().filter(|it| **it == work).count();
             assert!(count >= 3, "{work:?}: {count} of {done:?}");
         }

@@ -43,15 +43,13 @@ pub(super) struct JoinedDraw {
 impl Joining<'_> {
     /// A joined motion with the best of more ways to brake, or planned anew where it may be later than after a stop.
     pub(super) fn improved(&self, it: JoinedDraw) -> JoinedDraw {
-        let it = self.braked_otherwise(it);
         let JoinedDraw {
             from_rest, joined, ..
         } = &it;
-        if it.is_straight && self.is_surely_no_later(joined, from_rest.metrics.duration_s) {
-            return it;
-        }
-        let anew = self.planned_anew(joined);
-        anew.unwrap_or(it)
+        let is_enough =
+            it.is_straight && self.is_surely_no_later(joined, from_rest.metrics.duration_s);
+        let anew = (!is_enough).then(|| self.planned_anew(joined)).flatten();
+        anew.unwrap_or_else(|| self.braked_otherwise(it))
     }
 
     /// The draw with its motion joined with the best of more ways to brake, where the usual ones win little of the braking.
