@@ -21,7 +21,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, OnceLock};
 use std::time::Instant;
-use trajectory::{Knot, STOPPING_KNOTS, State, Trajectory, stopping_motion};
+use trajectory::{Knot, STOPPING_KNOTS, Trajectory, stopping_motion};
 
 /// Seed of scenes, tips and pauses.
 const SEED: u64 = 9_111;
@@ -83,16 +83,6 @@ fn bends_within(robot: &UnitRobot, state: &Configuration, candidate: &Candidate)
     let most_rad = robot.limit_excess(state).max(0.0) + ROUNDING_RAD;
     let sampled = candidate.trajectory.sample(SAMPLES);
     sampled.iter().all(|q| robot.limit_excess(q) <= most_rad)
-}
-
-/// A state as the first knot of a motion.
-fn knot_at(state: &State) -> Knot {
-    Knot {
-        time: 0.0,
-        position: state.position,
-        velocity: state.velocity,
-        acceleration: state.acceleration,
-    }
 }
 
 fn request(robot: &UnitRobot, seed: u64, start_motion: Option<StartMotion>) -> Request {
@@ -161,7 +151,7 @@ impl Chain<'_> {
                 }
                 if more_s > 0.0 {
                     *later_s += more_s;
-                    can_begin(&knot_at(&self.motion.at(self.time_s + *later_s)));
+                    can_begin(&Knot::of(0.0, &self.motion.at(self.time_s + *later_s)));
                 }
             },
             selected: &|candidate| {

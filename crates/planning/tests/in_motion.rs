@@ -2,16 +2,17 @@
 #![allow(clippy::unwrap_used)] // tests
 
 mod beside_a_ball;
+mod leaving;
 mod requests;
 mod shipped;
 
 use beside_a_ball::{plan, problem, request};
 use collision::{Ball, Scene, certify_trajectory, minimum_clearance};
+use leaving::{LARGE, behind_a_ball, leaving, leaving_in, ways};
 use pcc_model::{Configuration, Point, SECTIONS};
 use planning::{
     Candidate, EarlySelection, Goal, Infeasible, MovingObstacles, PathMetrics, Plan, Planner,
-    PlannerError, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, ToBeDone,
-    select,
+    PlannerError, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, select,
 };
 use shipped::planner;
 use std::sync::Mutex;
@@ -48,77 +49,6 @@ fn selected(plan: &Plan) -> &Candidate {
 fn rest_to_rest(planner: &Planner) -> Trajectory {
     let plan = plan(planner, &problem(), &request());
     Trajectory::clone(&selected(&plan).trajectory)
-}
-
-/// Radii of balls in the way of a straight segment, which pushing makes hardly longer, or a detour.
-const SMALL: f64 = 0.15;
-const LARGE: f64 = 0.25;
-
-/// One goal configuration, with a ball of this radius in the way of the straight segment from a state to it.
-fn behind_a_ball(planner: &Planner, state: &State, radius: f64) -> Problem {
-    let goal = Configuration::from_column_slice(&[-0.6, 0.9, -0.2, 0.5, -0.1, 0.4]);
-    let in_the_way = Ball {
-        centre: planner.robot().tip(&(0.5 * (state.position + goal))),
-        radius,
-    };
-    Problem {
-        goal: Goal::Configuration(goal),
-        scene: Scene::new(vec![in_the_way]).unwrap(),
-        ..problem()
-    }
-}
-
-/// The request of most tests from a robot in this state.
-fn leaving(state: &State) -> (Problem, Request) {
-    leaving_in(problem(), state)
-}
-
-/// A request for a problem's goal from a robot in this state.
-fn leaving_in(problem: Problem, state: &State) -> (Problem, Request) {
-    let problem = Problem {
-        start: state.position,
-        ..problem
-    };
-    let request = Request {
-        start_motion: Some(StartMotion {
-            velocity: state.velocity,
-            acceleration: state.acceleration,
-        }),
-        ..request()
-    };
-    (problem, request)
-}
-
-/// A request whose paths are not pushed out of obstacles.
-fn uncorrected((problem, request): (Problem, Request)) -> (Problem, Request) {
-    let corrections = 0;
-    (
-        problem,
-        Request {
-            corrections,
-            ..request
-        },
-    )
-}
-
-/// Requests from a robot in this state, and what is to be done until the fastest motion is known and is told.
-fn ways(planner: &Planner, state: &State) -> [((Problem, Request), [ToBeDone; 2]); 4] {
-    let behind = |radius| leaving_in(behind_a_ball(planner, state, radius), state);
-    [
-        (
-            leaving(state),
-            [ToBeDone::SegmentAgain, ToBeDone::SegmentAgain],
-        ),
-        (behind(SMALL), [ToBeDone::PathAgain, ToBeDone::PathAgain]),
-        (behind(LARGE), [ToBeDone::PlanningAnew, ToBeDone::PathAgain]),
-        (
-            uncorrected(behind(SMALL)),
-            [
-                ToBeDone::JoiningAndPlanningAnew,
-                ToBeDone::PathAgainAndPlanningAnew,
-            ],
-        ),
-    ]
 }
 
 /// A motion is no later than a stop and the fastest motion that the planner finds from there to the same configuration.
@@ -160,6 +90,23 @@ fn assert_begin_at<'a>(
         assert!(limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6);
         assert!(certify_trajectory(robot, scene, motion, 0.0).is_free());
     }
+}
+
+/// The one motion that was told: the selected one of ten, which all begin in this state.
+fn told_of_ten(
+    planner: &Planner,
+    scene: &Scene,
+    answer: &Plan,
+    told: Mutex<Vec<Candidate>>,
+    begin: &Knot,
+) -> Candidate {
+    let mut told = told.into_inner().unwrap();
+    assert_eq!(told.len(), 1);
+    assert_eq!(told[0].draw, selected(answer).draw);
+    assert_eq!(answer.candidates.len(), 10);
+    let all = answer.candidates.iter().chain(&told);
+    assert_begin_at(planner, scene, begin, all);
+    told.remove(0)
 }
 
 #[test]
@@ -295,13 +242,8 @@ fn the_fastest_motion_is_joined_again_where_the_switch_was_too_near() {
             selected: &|candidate| told.lock().unwrap().push(candidate),
         };
         let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
-        let told = told.into_inner().unwrap();
-        assert_eq!(told.len(), 1);
-        assert_eq!(told[0].draw, selected(&answer).draw);
-        assert_eq!(answer.candidates.len(), 10);
-        let all = answer.candidates.iter().chain(&told);
-        assert_begin_at(&planner, &moving.scene, &then, all);
-        assert_no_later(&planner, &moving, &in_motion, &told[0]);
+        let told = told_of_ten(&planner, &moving.scene, &answer, told, &then);
+        assert_no_later(&planner, &moving, &in_motion, &told);
     }
 }
 
@@ -492,14 +434,9 @@ fn the_fastest_motion_is_joined_again_where_the_later_switch_was_too_near_as_wel
                 selected: &|candidate| told.lock().unwrap().push(candidate),
             };
             let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
-            let told = told.into_inner().unwrap();
-            assert_eq!(told.len(), 1);
-            assert_eq!(told[0].draw, selected(&answer).draw);
-            assert_eq!(answer.candidates.len(), 10);
             let begin = &later[usize::from(is_too_near)];
-            let all = answer.candidates.iter().chain(&told);
-            assert_begin_at(&planner, &moving.scene, begin, all);
-            told[0].metrics.duration_s
+            let told = told_of_ten(&planner, &moving.scene, &answer, told, begin);
+            told.metrics.duration_s
         });
         // A path close to an obstacle may have to be begun after the braking, of 0.3 s, once it is moved.
         assert!((told_s[0] - told_s[1]).abs() < 0.3, "{told_s:?}");
