@@ -12,7 +12,7 @@ use shared_types::message;
 use shared_types::valid::{Command, Goal, GoalStatus, PlanRequest, StandingGoal};
 use tests::listener::Listener;
 use tests::process::wait_for;
-use tests::stack::{PATIENCE, Part, Stack, tip_error};
+use tests::stack::{NO_DEADLINE, PATIENCE, Part, Stack, tip_error};
 use tests::world::Settings;
 
 /// Three tips that can be reached, m.
@@ -196,6 +196,7 @@ fn of_two_senders_the_later_given_goal_counts_and_a_clients_motion_ends_it() {
     assert_at(&mut stack, TIPS_M[1]);
     let request = PlanRequest {
         execute: true,
+        deadline: Some(NO_DEADLINE),
         ..PlanRequest::from_robot(Goal::tip(TIPS_M[2]))
     };
     let id = stack.try_motion(&request).unwrap();
@@ -272,6 +273,7 @@ fn a_request_right_after_a_daemons_start_is_executed() {
         stack.client.wait_for_daemon(PATIENCE).unwrap();
         let request = PlanRequest {
             execute: true,
+            deadline: Some(NO_DEADLINE),
             ..PlanRequest::from_robot(Goal::tip(TIPS_M[round % 3]))
         };
         let id = stack.try_motion(&request).unwrap();
@@ -322,6 +324,7 @@ fn a_flood_of_goals_starves_neither_the_robot_nor_clients_and_makes_no_flood_of_
     raw.send(first.to_wire());
     let request = PlanRequest {
         candidate_count: 1,
+        deadline: Some(NO_DEADLINE),
         ..PlanRequest::new([0.0; 6], Goal::tip(TIPS_M[1]))
     };
     let mut pending = Some(stack.client.submit(&request).unwrap());

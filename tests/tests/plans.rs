@@ -218,7 +218,8 @@ fn the_tool_prints_a_plan_as_json_to_the_bit() {
     let mut stack = Stack::new(&Settings::default());
     stack.start(Part::Daemon);
     stack.client.wait_for_daemon(PATIENCE).unwrap();
-    let words = "plan --start 0 0 0 0 0 0 --tip 0 -1.55 2.25 --candidates 3 --json";
+    let words =
+        "plan --start 0 0 0 0 0 0 --tip 0 -1.55 2.25 --candidates 3 --deadline-ms 60000 --json";
     let arguments: Vec<&str> = words.split(' ').collect();
     let mut tool = Process::start(&stack.world, "pcc", &arguments);
     let status = tool.wait(PATIENCE).unwrap();
@@ -226,6 +227,7 @@ fn the_tool_prints_a_plan_as_json_to_the_bit() {
     let printed: serde_json::Value = serde_json::from_str(&tool.log()).unwrap();
     let request = PlanRequest {
         candidate_count: 3,
+        deadline: Some(NO_DEADLINE),
         ..PlanRequest::new([0.0; 6], Goal::tip(GOAL))
     };
     let answer = stack.client.plan(&request, PATIENCE).unwrap();

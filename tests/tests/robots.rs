@@ -7,7 +7,7 @@ use client::GoalSender;
 use shared_types::codes::{GoalState, LoopState, Outcome, Waiting};
 use shared_types::valid::{Goal, GoalStatus, PlanRequest, PlannedExecution};
 use tests::process::wait_for;
-use tests::stack::{PATIENCE, Part, Stack};
+use tests::stack::{NO_DEADLINE, PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 
 /// Gives a process a robot file that differs by its name alone.
@@ -52,7 +52,10 @@ fn a_controller_does_not_take_hold_of_another_robot() {
 fn a_daemon_refuses_a_client_that_is_set_up_for_another_robot() {
     let mut stack = stack(&[]);
     let own = stack.world.robot.hash();
-    let request = PlanRequest::new([0.0; 6], Goal::tip([1.0, 0.0, 2.4]));
+    let request = PlanRequest {
+        deadline: Some(NO_DEADLINE),
+        ..PlanRequest::new([0.0; 6], Goal::tip([1.0, 0.0, 2.4]))
+    };
     for (stated, outcome) in [(own, Outcome::Ok), (own ^ 1, Outcome::WrongRobot)] {
         stack.client.state_robot(stated);
         let answer = stack.client.plan(&request, PATIENCE).unwrap();

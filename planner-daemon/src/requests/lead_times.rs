@@ -61,19 +61,15 @@ impl From<ToBeDone> for Work {
 }
 
 impl Work {
-    /// Longer work, by the first of which that was done it is foreseen as long as it was not done itself.
+    /// Work that takes longer or most of its time, by the first of which that was done it is foreseen as long as it was not done itself.
     fn foreseen_by(self) -> &'static [Self] {
         match self {
             Self::SegmentAgain => &[Self::StraightSegments],
-            Self::PathAgain => &[
-                Self::PlanningAnew,
-                Self::JoiningAndPlanningAnew,
-                Self::WholePlan,
-            ],
-            Self::Joining | Self::PlanningAnew | Self::PathAgainAndPlanningAnew => {
-                &[Self::JoiningAndPlanningAnew, Self::WholePlan]
-            }
-            Self::JoiningAndPlanningAnew => &[Self::WholePlan],
+            Self::PlanningAnew => &[Self::WholePlan],
+            Self::PathAgain
+            | Self::PathAgainAndPlanningAnew
+            | Self::Joining
+            | Self::JoiningAndPlanningAnew => &[Self::PlanningAnew, Self::WholePlan],
             Self::WholePlan | Self::WholePlanToKeptGoal | Self::StraightSegments => &[],
         }
     }
@@ -257,31 +253,33 @@ mod tests {
     }
 
     #[test]
-    fn work_that_was_never_done_is_foreseen_by_longer_work() {
+    fn work_that_was_never_done_is_foreseen_by_other_work() {
         let kind = |work| PlanKind {
             sampler: Sampler::Default,
             has_several_goals: false,
             work,
         };
         let mut times = LeadTimes::default();
-        times.note_warm_up(kind(Work::WholePlan), Duration::from_millis(8));
-        times.note_warm_up(kind(Work::WholePlan), Duration::from_millis(8));
-        for work in [
+        let of_planning_anew = [
             Work::PathAgain,
             Work::PathAgainAndPlanningAnew,
-            Work::PlanningAnew,
             Work::Joining,
             Work::JoiningAndPlanningAnew,
-        ] {
+        ];
+        times.note_warm_up(kind(Work::WholePlan), Duration::from_millis(8));
+        times.note_warm_up(kind(Work::WholePlan), Duration::from_millis(8));
+        let of_whole = times.lead(kind(Work::PlanningAnew));
+        assert!(of_whole < FIRST_LEAD);
+        for work in of_planning_anew {
             assert!(times.lead(kind(work)) < FIRST_LEAD, "{work:?}");
         }
-        times.note(kind(Work::JoiningAndPlanningAnew), Duration::from_millis(5));
-        let known = times.lead(kind(Work::JoiningAndPlanningAnew));
-        assert_eq!(times.lead(kind(Work::Joining)), known);
-        assert_eq!(times.lead(kind(Work::SegmentAgain)), FIRST_LEAD);
         times.note(kind(Work::PlanningAnew), Duration::from_millis(3));
-        assert!(times.lead(kind(Work::PathAgain)) < known);
+        for work in of_planning_anew {
+            assert!(times.lead(kind(work)) < of_whole, "{work:?}");
+        }
+        assert_eq!(times.lead(kind(Work::SegmentAgain)), FIRST_LEAD);
         times.note(kind(Work::Joining), Duration::from_millis(1));
-        assert!(times.lead(kind(Work::Joining)) < known);
+        let known = times.lead(kind(Work::Joining));
+        assert!(known < times.lead(kind(Work::PathAgain)));
     }
 }

@@ -81,8 +81,8 @@ impl Joining<'_> {
             return self.join_others(joined, &others, late);
         };
         let later = Joining {
-            braking: &braking,
             anew: self.anew.filter(|_| plans_anew),
+            ..self.to(&braking)
         };
         let fastest = select_of(&joined).map(|fastest| fastest.draw);
         from_rest.sort_by_key(|it| Some(it.draw) != fastest);
@@ -163,7 +163,8 @@ impl Joining<'_> {
             .iter_mut()
             .min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))?;
         let known = fastest.1.as_ref().ok()?;
-        let it = self.planned_anew(known)?;
+        let straight_s = self.straight_s(&known.end()).ok()?;
+        let it = self.planned_anew(known, straight_s)?;
         fastest.1 = Ok(it.joined.clone());
         Some(it)
     }
@@ -175,7 +176,7 @@ impl Joining<'_> {
             |a: &&Candidate, b: &&Candidate| a.metrics.duration_s.total_cmp(&b.metrics.duration_s);
         let fastest = plan.candidates.iter().min_by(by_duration);
         let detour_s =
-            fastest.and_then(|it| Some(it.metrics.duration_s - self.straight_s(&it.end())?));
+            fastest.and_then(|it| Some(it.metrics.duration_s - self.straight_s(&it.end()).ok()?));
         detour_s.is_some_and(|detour_s| detour_s > USUAL_GAIN * self.braking.motion.duration())
     }
 }

@@ -1,10 +1,11 @@
 //! A motion from rest is joined to the braking of a robot in motion, with the best of some ways to brake, or planned anew.
 
-use crate::path::waypoints::straight_path;
+use crate::path::waypoints::{Waypoints, straight_path};
 use crate::pipeline::braking::Braking;
 use crate::plan::{Candidate, Draw, Failure};
 use codes::Source;
 use pcc_model::Configuration;
+use trajectory::Trajectory;
 
 /// Candidates that are joined at once, as long as one of them may be selected.
 pub(super) const AT_ONCE: usize = 2;
@@ -36,19 +37,24 @@ pub(super) struct JoinedDraw {
     pub(super) draw: Draw,
     pub(super) from_rest: Candidate,
     pub(super) joined: Candidate,
-    /// Whether its path is the straight segment itself: from rest no other one to the same goal configuration is faster.
+    /// Whether its path is the straight segment itself.
     pub(super) is_straight: bool,
+    /// The time of the straight segment to the same goal configuration, s: from rest no path takes less, whether or not the segment is clear.
+    pub(super) straight_s: f64,
 }
 
-impl Joining<'_> {
+impl<'a> Joining<'a> {
+    /// The same to another braking.
+    pub(super) fn to<'b>(self, braking: &'b Braking<'b>) -> Joining<'b>
+    where
+        'a: 'b,
+    {
+        Joining { braking, ..self }
+    }
+
     /// A joined motion with the best of more ways to brake, or planned anew where it may be later than after a stop.
     pub(super) fn improved(&self, it: JoinedDraw) -> JoinedDraw {
-        let JoinedDraw {
-            from_rest, joined, ..
-        } = &it;
-        let is_enough =
-            it.is_straight && self.is_surely_no_later(joined, from_rest.metrics.duration_s);
-        let anew = (!is_enough).then(|| self.planned_anew(joined)).flatten();
+        let anew = self.planned_anew(&it.joined, it.straight_s);
         anew.unwrap_or_else(|| self.braked_otherwise(it))
     }
 
@@ -75,27 +81,45 @@ impl Joining<'_> {
         &self,
         draw: usize,
         goal: &Configuration,
-        longest_s: f64,
     ) -> Result<JoinedDraw, Failure> {
+        let (path, motion) = self.timed_segment(goal, f64::INFINITY)?;
+        self.certified_segment(draw, path, motion)
+    }
+
+    /// The path of the straight segment, and its motion, which is not certified; [`Failure::Slower`] where that takes longer than `longest_s`.
+    pub(super) fn timed_segment(
+        &self,
+        goal: &Configuration,
+        longest_s: f64,
+    ) -> Result<(Waypoints, Trajectory), Failure> {
         if self.is_interrupted() {
             return Err(Failure::Truncated);
         }
-        let constraints = self.braking.after();
         let path = straight_path(&self.braking.motion.end(), goal);
-        let motion = constraints.time(&path)?;
+        let motion = self.braking.after().time(&path)?;
         if motion.duration() > longest_s {
             return Err(Failure::Slower);
         }
-        let motion = constraints.certified(motion)?;
+        Ok((path, motion))
+    }
+
+    /// A segment's motion certified and joined.
+    pub(super) fn certified_segment(
+        &self,
+        draw: usize,
+        path: Waypoints,
+        motion: Trajectory,
+    ) -> Result<JoinedDraw, Failure> {
+        let straight_s = motion.duration();
         let draw_of_path = Draw {
             sampled: Some(path.clone()),
             path: Some(path),
             source: Source::StraightLine,
-            outcome: Ok(motion),
+            outcome: self.braking.after().certified(motion),
         };
         Ok(JoinedDraw {
             is_straight: true,
-            ..self.joined(draw, draw_of_path)?
+            ..self.joined(draw, draw_of_path, straight_s)?
         })
     }
 
@@ -108,40 +132,38 @@ impl Joining<'_> {
         LARGEST_GAIN * self.braking.motion.duration()
     }
 
-    /// The fastest motion of a plan to the goal configuration of a known one alone, from where the robot now rests after braking, if it is faster:
-    /// the faster of both is no later than after a stop. Nothing is planned where the known one surely is not, or where the straight segment
-    /// surely is not.
-    pub(super) fn planned_anew(&self, known: &Candidate) -> Option<JoinedDraw> {
-        let (anew, end) = (self.anew?, known.end());
-        let straight_s = self.straight_s(&end)?;
-        let is_enough = |joined: &Candidate| self.is_surely_no_later(joined, straight_s);
-        if is_enough(known) {
-            return None;
-        }
-        let straight = self.straight(known.draw, &end, f64::INFINITY).ok();
-        let straight = straight.filter(|it| is_enough(&it.joined));
-        let it = straight.or_else(|| self.joined(known.draw, anew(self.braking, &end)?).ok())?;
+    /// The fastest motion of a plan to the goal configuration of a known one alone, from where the robot now rests after braking, where the known
+    /// one is to be planned anew and this one is faster: the faster of both is no later than after a stop.
+    pub(super) fn planned_anew(&self, known: &Candidate, straight_s: f64) -> Option<JoinedDraw> {
+        let anew = self
+            .anew
+            .filter(|_| self.is_to_be_planned_anew(known, straight_s))?;
+        let fastest = anew(self.braking, &known.end())?;
+        let it = self.joined(known.draw, fastest, straight_s).ok()?;
         let it = self.braked_otherwise(it);
         (it.joined.metrics.duration_s < known.metrics.duration_s).then_some(it)
     }
 
-    /// Whether a joined motion surely arrives no later than the fastest one after a stop, whose straight segment takes `straight_s`: no path
-    /// takes less by more than [`TIMING_ERROR`], which was measured.
-    pub(super) fn is_surely_no_later(&self, joined: &Candidate, straight_s: f64) -> bool {
+    /// Whether a joined motion is to be planned anew: it may arrive later than the fastest one after a stop, since that is faster than the
+    /// straight segment, which takes `straight_s`, by [`TIMING_ERROR`] at most.
+    pub(super) fn is_to_be_planned_anew(&self, joined: &Candidate, straight_s: f64) -> bool {
         let least_s = self.braking.motion.duration() + (1.0 - TIMING_ERROR) * straight_s;
-        joined.metrics.duration_s <= least_s
+        self.anew.is_some() && joined.metrics.duration_s > least_s
     }
 
-    /// The time of a straight segment from where the robot rests after braking, s: from rest no path takes less, whether or not the segment is
-    /// clear.
-    pub(super) fn straight_s(&self, end: &Configuration) -> Option<f64> {
-        let straight = straight_path(&self.braking.motion.end(), end);
-        let motion = self.braking.after().time(&straight).ok()?;
-        Some(motion.duration())
+    /// The time of the straight segment from where the robot rests after braking, s.
+    pub(super) fn straight_s(&self, end: &Configuration) -> Result<f64, Failure> {
+        let (_, motion) = self.timed_segment(end, f64::INFINITY)?;
+        Ok(motion.duration())
     }
 
     /// A draw from rest with its motion joined to the braking.
-    pub(super) fn joined(&self, index: usize, draw: Draw) -> Result<JoinedDraw, Failure> {
+    pub(super) fn joined(
+        &self,
+        index: usize,
+        draw: Draw,
+        straight_s: f64,
+    ) -> Result<JoinedDraw, Failure> {
         let motion = draw.outcome.as_ref().map_err(|failure| *failure)?;
         let from_rest = Candidate::of(index, draw.source, motion);
         let joined = self.braking.candidate(&from_rest)?;
@@ -153,6 +175,7 @@ impl Joining<'_> {
             from_rest,
             joined,
             is_straight: false,
+            straight_s,
         })
     }
 }

@@ -2,7 +2,7 @@
 //! motion of a request mostly is one.
 
 use crate::motion::incumbent::{Incumbent, ShortestDuration};
-use crate::path::waypoints::straight_path;
+use crate::path::waypoints::Waypoints;
 use crate::pipeline::joining::{AT_ONCE, JoinedDraw, Joining};
 use crate::plan::{Candidate, Draw, Failure};
 use crate::request::ToBeDone;
@@ -106,25 +106,20 @@ impl Joining<'_> {
     fn again(&self, known: &JoinedDraw, goals: &[Configuration]) -> Option<JoinedDraw> {
         let index = known.joined.draw;
         if known.is_straight {
-            return self.straight(index, &goals[index], f64::INFINITY).ok();
+            return self.straight(index, &goals[index]).ok();
         }
         let from_rest = Draw {
             outcome: Ok(known.from_rest.certified()),
             ..known.draw.clone()
         };
-        self.joined(index, from_rest).ok()
+        let straight_s = self.straight_s(&goals[index]).ok()?;
+        self.joined(index, from_rest, straight_s).ok()
     }
 
     /// Whether the fastest motion is to be planned anew, since it may be later than one after a stop.
     pub(super) fn expects_planning_anew(&self, segments: &JoinedSegments) -> bool {
-        let straight_s = |it: &JoinedDraw| match it.is_straight {
-            true => Some(it.from_rest.metrics.duration_s),
-            false => self.straight_s(&it.from_rest.end()),
-        };
-        let is_expected = |it: &JoinedDraw| {
-            straight_s(it).is_some_and(|least_s| !self.is_surely_no_later(&it.joined, least_s))
-        };
-        self.anew.is_some() && segments.fastest().is_some_and(is_expected)
+        let fastest = segments.fastest();
+        fastest.is_some_and(|it| self.is_to_be_planned_anew(&it.joined, it.straight_s))
     }
 
     /// The segments, the fastest motion of the request among them improved.
@@ -148,10 +143,12 @@ impl Joining<'_> {
         goal: &Configuration,
         longest_s: f64,
     ) -> Result<JoinedDraw, Failure> {
-        let straight = self.straight(draw, goal, longest_s);
-        match straight {
+        let (path, motion) = self.timed_segment(goal, longest_s)?;
+        let straight_s = motion.duration();
+        match self.certified_segment(draw, path.clone(), motion) {
             Err(Failure::Collision | Failure::Bending) if self.pushes() => {
-                self.pushed(draw, goal, longest_s)
+                let it = self.pushed(path, longest_s);
+                self.joined(draw, it, straight_s)
             }
             straight => straight,
         }
@@ -162,26 +159,17 @@ impl Joining<'_> {
     }
 
     /// The straight segment pushed out of obstacles.
-    fn pushed(
-        &self,
-        draw: usize,
-        goal: &Configuration,
-        longest_s: f64,
-    ) -> Result<JoinedDraw, Failure> {
-        let path = straight_path(&self.braking.motion.end(), goal);
+    fn pushed(&self, path: Waypoints, longest_s: f64) -> Draw {
         let shortest = ShortestDuration::none();
         shortest.note(longest_s);
         let incumbent = Incumbent::new(&shortest);
-        let delivered = self
-            .braking
-            .after()
-            .to_trajectory(path.clone(), false, Some(&incumbent));
-        let draw_of_path = Draw {
+        let from_rest = self.braking.after();
+        let delivered = from_rest.to_trajectory(path.clone(), false, Some(&incumbent));
+        Draw {
             sampled: Some(path),
             path: Some(delivered.path),
             source: Source::StraightLine,
             outcome: delivered.outcome,
-        };
-        self.joined(draw, draw_of_path)
+        }
     }
 }

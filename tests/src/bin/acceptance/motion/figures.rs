@@ -37,6 +37,16 @@ pub(super) struct Asked {
     pub(super) is_truncated: bool,
 }
 
+impl Asked {
+    fn stages_text(&self) -> String {
+        let stages = Stage::ALL.iter().map(|stage| {
+            let took_ns = self.stages_ns[stage.code() as usize];
+            format!("{} {:.2}", stage.text(), took_ns as f64 * 1e-6)
+        });
+        stages.collect::<Vec<_>>().join(", ")
+    }
+}
+
 /// A request whose motion was published.
 pub(super) struct AskedMotion {
     pub(super) asked: Asked,
@@ -59,6 +69,8 @@ pub(super) struct Figures {
     /// From a request in motion to the first set-point of the motion that joins another, ms, infinite where it is refused or not begun, with the
     /// time at which it was asked for.
     pub(super) to_setpoint_ms: Vec<(Instant, f64)>,
+    /// The same of those that were begun, with the lead and the stages of each in words.
+    pub(super) begun_ms: Vec<(f64, String)>,
     /// Refusals in motion by cause.
     pub(super) refusals: BTreeMap<String, usize>,
     /// Refusals at rest by cause: no replans.
@@ -171,9 +183,9 @@ impl Figures {
         }
         for motion in heard.motions.iter().filter(|it| it.leaves.is_some()) {
             let asked = self.published.get(&motion.id);
-            let asked = asked.map(|it| (it.asked.at, it.asked.mono_ns));
+            let asked = asked.map(|it| (it.asked.at, it.asked.mono_ns, it.asked.stages_text()));
             let Some(first_ns) = first_followed(&heard.cycles, motion.id) else {
-                let never = asked.map(|(at, _)| (at, f64::INFINITY));
+                let never = asked.map(|(at, ..)| (at, f64::INFINITY));
                 self.to_setpoint_ms.extend(never);
                 let result = heard
                     .results
@@ -188,9 +200,12 @@ impl Figures {
             self.note_end(motion.id, heard);
             let ms = |from_ns: i64, to_ns: i64| (to_ns - from_ns) as f64 * 1e-6;
             let switch_ns = motion.begin_mono_ns;
-            if let Some((at, mono_ns)) = asked {
-                self.to_setpoint_ms.push((at, ms(mono_ns, first_ns)));
+            if let Some((at, mono_ns, stages)) = asked {
+                let took_ms = ms(mono_ns, first_ns);
+                self.to_setpoint_ms.push((at, took_ms));
                 let lead_ms = ms(mono_ns, switch_ns);
+                self.begun_ms
+                    .push((took_ms, format!("lead {lead_ms:.2}; {stages}")));
                 self.note_ms("lead, from the goal to the switch", lead_ms);
             }
             self.note_ms("switch to first set-point", ms(switch_ns, first_ns));

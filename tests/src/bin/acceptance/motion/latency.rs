@@ -10,6 +10,9 @@ use crate::report::Report;
 use crate::scale::Scale;
 use crate::stolen::StolenTimes;
 
+/// Slowest replans that are shown one by one.
+const SLOWEST: usize = 8;
+
 /// Replans in general scenes with ten candidates, at the shipped limits.
 pub(super) fn run(report: &mut Report, scale: Scale) {
     let command = "requests to planner-daemon from a moving robot";
@@ -39,6 +42,12 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
         "> 0",
         figures.switched > 0,
     );
+    let mut begun_ms = figures.begun_ms.clone();
+    begun_ms.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (took_ms, text) in begun_ms.iter().take(SLOWEST) {
+        let figure = format!("{took_ms:.2} ms: {text}");
+        report.shown(&line("one of the slowest, ms"), figure);
+    }
     let mut to_setpoint_ms = figures.to_setpoint_ms.clone();
     to_setpoint_ms.sort_by_key(|(at, _)| *at);
     show_windows(report, &line, &to_setpoint_ms, stolen);
