@@ -165,14 +165,14 @@ impl ServoBank {
         }
     }
 
-    /// Writes a configuration of `dynamixel-robot` for these servos.
+    /// Writes a configuration of `dynamixel-robot` for these servos, which count as silent after the shipped time if `silent_ms` is none.
     ///
     /// # Panics
     /// Where the file cannot be written.
-    pub fn write_config(&self, file: &Path, robot_file: &Path) {
+    pub fn write_config(&self, file: &Path, robot_file: &Path, silent_ms: Option<i64>) {
         let ids = IDS.map(|id| Value::from(i64::from(id)));
         let device = self.folder.path().join(LINE);
-        let config = Table::from_iter([
+        let mut config = Table::from_iter([
             ("robot".to_owned(), robot_file.to_str().unwrap().into()),
             ("device".to_owned(), device.to_str().unwrap().into()),
             ("servo_ids".to_owned(), ids.to_vec().into()),
@@ -183,6 +183,7 @@ impl ServoBank {
             ("bus_watchdog_ms".to_owned(), WATCHDOG_MS.into()),
             ("home_speed_rpm".to_owned(), 10.0.into()),
         ]);
+        config.extend(silent_ms.map(|silent_ms| ("silent_ms".to_owned(), silent_ms.into())));
         fs::write(file, config.to_string()).unwrap();
     }
 

@@ -23,7 +23,7 @@ pub fn bank(world: &World, baud: u32) -> ServoBank {
     let slack_m = std::array::from_fn(|k| 0.002 * (k + 1) as f64);
     let bank = ServoBank::start(&world.body(), world.robot.spool_radius, baud, slack_m);
     let config = world.config("dynamixel-robot.toml");
-    bank.write_config(&config, &world.config("robots/unit.toml"));
+    bank.write_config(&config, &world.config("robots/unit.toml"), world.lost_ms);
     bank
 }
 
@@ -67,8 +67,8 @@ impl ServoStack {
     ///
     /// # Panics
     /// Where the servos cannot be homed.
-    pub fn driven() -> Result<Self, TimedOut> {
-        let mut stack = Stack::new(&Settings::default());
+    pub fn driven(settings: &Settings) -> Result<Self, TimedOut> {
+        let mut stack = Stack::new(settings);
         let bank = bank(&stack.world, BAUD);
         let (is_homed, said) = home(&stack.world)?;
         assert!(is_homed, "{said}");

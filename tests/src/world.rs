@@ -14,6 +14,9 @@ use toml::{Table, Value};
 use crate::brute_force::Body;
 use crate::programs::repository;
 
+/// Time of silence that [`Settings::patient`] lets pass, ms.
+const PATIENT_MS: i64 = 100;
+
 /// What a world has different from the shipped configuration.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
@@ -27,6 +30,8 @@ pub struct Settings {
     pub without_priorities: bool,
     /// Whether the daemon is to have no model.
     pub without_weights: bool,
+    /// Time of silence after which robot, servos and controller count as lost for each other, ms, if not the shipped one.
+    pub lost_ms: Option<i64>,
 }
 
 impl Settings {
@@ -51,6 +56,15 @@ impl Settings {
             ..Self::default()
         }
     }
+
+    /// These for tests that are not about silence: a virtual machine can lose a processor for longer than the shipped times.
+    #[must_use]
+    pub fn patient(self) -> Self {
+        Self {
+            lost_ms: Some(PATIENT_MS),
+            ..self
+        }
+    }
 }
 
 /// A prefix and a root of its own, and configuration files; everything is removed when dropped.
@@ -62,6 +76,8 @@ pub struct World {
     pub robot: Robot,
     /// Whether its daemon has a model.
     pub has_weights: bool,
+    /// [`Settings::lost_ms`].
+    pub lost_ms: Option<i64>,
     folder: TempDir,
     logs: AtomicU32,
 }
@@ -102,6 +118,7 @@ impl World {
             options,
             robot,
             has_weights,
+            lost_ms: settings.lost_ms,
             folder,
             logs: AtomicU32::new(0),
         }
@@ -239,6 +256,9 @@ fn write_configuration(folder: &Path, settings: &Settings, has_weights: bool) ->
     if settings.without_priorities {
         controller.insert(PRIORITY.to_owned(), Value::Integer(0));
     }
+    if let Some(lost_ms) = settings.lost_ms {
+        controller.insert("robot_lost_ms".to_owned(), lost_ms.into());
+    }
     fs::write(folder.join("controller.toml"), controller.to_string()).unwrap();
     let mut motors = shipped("simulated-robot.toml");
     // The lag behind an acceleration a is a/ω²: motors that keep up with faster motions as well as the shipped ones.
@@ -249,6 +269,9 @@ fn write_configuration(folder: &Path, settings: &Settings, has_weights: bool) ->
     motors.insert("natural_frequency_rad_s".into(), frequency.into());
     if settings.without_priorities {
         motors.insert(PRIORITY.to_owned(), Value::Integer(0));
+    }
+    if let Some(lost_ms) = settings.lost_ms {
+        motors.insert("lost_setpoint_ms".to_owned(), lost_ms.into());
     }
     fs::write(folder.join("simulated-robot.toml"), motors.to_string()).unwrap();
     let mut daemon = shipped("planner-daemon.toml");

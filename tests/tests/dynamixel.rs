@@ -22,7 +22,7 @@ fn alone() -> MutexGuard<'static, ()> {
 
 /// Daemon and controller, and a driver of servos that were homed.
 fn driven() -> ServoStack {
-    ServoStack::driven().unwrap()
+    ServoStack::driven(&Settings::default().patient()).unwrap()
 }
 
 fn hold(all: &mut ServoStack) {

@@ -66,7 +66,7 @@ impl Program {
 
 /// A daemon, and a program that is in motion.
 fn in_motion() -> (Stack, Program) {
-    let mut stack = Stack::new(&Settings::default());
+    let mut stack = Stack::new(&Settings::default().patient());
     stack.start(Part::Daemon);
     stack.client.wait_for_daemon(PATIENCE).unwrap();
     let program = Program::start(&stack.world);

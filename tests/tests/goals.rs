@@ -107,7 +107,7 @@ fn rests(stack: &mut Stack) -> [f64; 6] {
 
 #[test]
 fn a_goal_is_reached_and_one_that_moves_under_way_is_reached_without_a_stop_between() {
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let mut goal = sender(&stack);
     goal.give(Goal::tip(TIPS_M[0]), 1.0).unwrap();
     expect(&mut goal, GoalState::Reached);
@@ -140,7 +140,7 @@ fn a_goal_is_reached_and_one_that_moves_under_way_is_reached_without_a_stop_betw
 #[test]
 fn a_stop_by_a_program_ends_a_goal_however_often_it_is_sent_again_and_only_another_one_moves_the_robot()
  {
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let mut goal = underway(&mut stack, TIPS_M[0]);
     stack.controller.command(Command::Stop, PATIENCE).unwrap();
     let rested = rests(&mut stack);
@@ -163,7 +163,7 @@ fn a_stop_by_a_program_ends_a_goal_however_often_it_is_sent_again_and_only_anoth
 
 #[test]
 fn a_goal_that_is_withdrawn_brakes_the_robot_and_another_one_may_be_given_at_once() {
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let mut goal = underway(&mut stack, TIPS_M[0]);
     goal.withdraw().unwrap();
     expect(&mut goal, GoalState::Ended);
@@ -184,7 +184,7 @@ fn a_goal_that_is_withdrawn_brakes_the_robot_and_another_one_may_be_given_at_onc
 
 #[test]
 fn of_two_senders_the_later_given_goal_counts_and_a_clients_motion_ends_it() {
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let mut first = underway(&mut stack, TIPS_M[0]);
     let mut second = sender(&stack);
     second.give(Goal::tip(TIPS_M[1]), 1.0).unwrap();
@@ -211,7 +211,7 @@ fn of_two_senders_the_later_given_goal_counts_and_a_clients_motion_ends_it() {
 #[test]
 fn malformed_goals_are_refused_by_name_and_the_one_before_goes_on() {
     type Spoil = fn(&mut message::StandingGoal);
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let raw = RawSender::connect(&stack.world.options);
     let mut goal = underway(&mut stack, TIPS_M[0]);
     let cases: [(&str, Spoil); 6] = [
@@ -243,7 +243,7 @@ fn malformed_goals_are_refused_by_name_and_the_one_before_goes_on() {
 
 #[test]
 fn a_killed_daemons_goal_is_over_and_one_that_is_given_to_the_next_daemon_moves_the_robot() {
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let mut goal = underway(&mut stack, TIPS_M[0]);
     stack.kill9(Part::Daemon);
     let rested = rests(&mut stack);
@@ -266,7 +266,7 @@ fn a_killed_daemons_goal_is_over_and_one_that_is_given_to_the_next_daemon_moves_
 
 #[test]
 fn a_request_right_after_a_daemons_start_is_executed() {
-    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let mut stack = Stack::running(&Settings::fast_robot().patient()).unwrap();
     for round in 0..4 {
         stack.process(Part::Daemon).sigterm(PATIENCE).unwrap();
         stack.start(Part::Daemon);
@@ -283,7 +283,7 @@ fn a_request_right_after_a_daemons_start_is_executed() {
 
 #[test]
 fn a_controller_in_fault_is_told_by_name_and_the_goal_is_over() {
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let mut goal = underway(&mut stack, TIPS_M[0]);
     stack.kill9(Part::Robot);
     let status = expect(&mut goal, GoalState::Ended);
@@ -316,10 +316,10 @@ fn assert_no_flood(statuses: &[message::GoalStatus]) {
 
 #[test]
 fn a_flood_of_goals_starves_neither_the_robot_nor_clients_and_makes_no_flood_of_statuses() {
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let raw = RawSender::connect(&stack.world.options);
     let first = given(Goal::tip(TIPS_M[0]));
-    let (mut sent, mut answered) = (0_u32, 0);
+    let (mut sent, mut sent_before, mut answered) = (0_u32, 0, 0);
     let mut statuses: Vec<message::GoalStatus> = Vec::new();
     raw.send(first.to_wire());
     let request = PlanRequest {
@@ -344,7 +344,9 @@ fn a_flood_of_goals_starves_neither_the_robot_nor_clients_and_makes_no_flood_of_
         }
         if let Some(answer) = stack.client.poll(pending.as_mut().unwrap()).unwrap() {
             assert_eq!(answer.report().outcome, Outcome::Ok);
-            answered += 1;
+            let meanwhile = sent - sent_before;
+            assert!(meanwhile < 20_000, "goals beside one plan: {meanwhile}");
+            (sent_before, answered) = (sent, answered + 1);
             pending = Some(stack.client.submit(&request).unwrap());
         }
         sleep(Duration::from_millis(1));
@@ -358,7 +360,7 @@ fn a_flood_of_goals_starves_neither_the_robot_nor_clients_and_makes_no_flood_of_
 
 #[test]
 fn a_goal_for_a_daemon_that_has_died_is_refused_by_name_and_the_next_daemon_hears_the_next_goal() {
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let mut goal = GoalSender::connect(&stack.world.options).unwrap();
     goal.give(Goal::tip(TIPS_M[0]), 1.0).unwrap();
     goal.confirm(PATIENCE).unwrap();

@@ -14,7 +14,7 @@ const LIMIT: Duration = Duration::from_secs(60);
 
 /// A daemon, and a robot that is held, so that there is a loop.
 fn stack() -> Stack {
-    Stack::running(&Settings::default()).unwrap()
+    Stack::running(&Settings::default().patient()).unwrap()
 }
 
 fn measured(world: &World, file: &Path, arguments: &[&str]) -> Value {

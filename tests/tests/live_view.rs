@@ -68,7 +68,7 @@ fn serve(world: &World) -> (Process, String, String) {
 
 #[test]
 fn pages_are_told_what_happens_and_who_is_not_there() {
-    let mut stack = Stack::new(&Settings::fast_robot());
+    let mut stack = Stack::new(&Settings::fast_robot().patient());
     let (mut served, host, folder) = serve(&stack.world);
     let mut events = get(&host, &format!("{folder}live")).1;
     next(&mut events, "status", |it| {

@@ -14,7 +14,7 @@ use tests::world::Settings;
 
 #[test]
 fn a_plan_becomes_a_motion_within_limits_that_reaches_the_tip() {
-    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let mut stack = Stack::running(&Settings::fast_robot().patient()).unwrap();
     let listener = Listener::start(&stack.world.options);
     for tip in [[0.0, -1.55, 2.25], [1.5, 0.0, 2.4]] {
         let motion = stack.move_tip(tip).unwrap();
@@ -64,7 +64,7 @@ fn a_killed_controller_lets_the_robot_ramp_to_rest_and_a_new_one_takes_over() {
 
 #[test]
 fn killed_stopped_and_held_at_random_instants_everything_works_again_within_the_shipped_limits() {
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let survival = disturb(&mut stack, &Kind::ALL, 9, 1).unwrap();
     assert_eq!(survival.disturbances.len(), 9, "{survival:?}");
     assert_eq!(survival.failures, Vec::<String>::new());
@@ -80,7 +80,7 @@ fn killed_stopped_and_held_at_random_instants_everything_works_again_within_the_
 
 #[test]
 fn a_second_daemon_and_a_second_controller_refuse_by_name() {
-    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let mut stack = Stack::running(&Settings::fast_robot().patient()).unwrap();
     for part in [Part::Daemon, Part::Controller] {
         let mut second = part.start(&stack.world);
         let status = second.wait(PATIENCE).unwrap();
@@ -97,7 +97,7 @@ fn a_second_daemon_and_a_second_controller_refuse_by_name() {
 
 #[test]
 fn a_motion_that_does_not_start_where_the_robot_is_is_not_executed() {
-    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let mut stack = Stack::running(&Settings::fast_robot().patient()).unwrap();
     let request = shared_types::valid::PlanRequest {
         sampler: stack.world.sampler(),
         execute: true,
@@ -112,7 +112,7 @@ fn a_motion_that_does_not_start_where_the_robot_is_is_not_executed() {
 
 #[test]
 fn a_plan_is_executed_after_it_was_looked_at_unless_a_stop_comes_between() {
-    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let mut stack = Stack::running(&Settings::fast_robot().patient()).unwrap();
     let preview = |stack: &mut Stack, tip| {
         let request = PlanRequest {
             candidate_count: 3,
@@ -155,7 +155,7 @@ fn a_plan_is_executed_after_it_was_looked_at_unless_a_stop_comes_between() {
 
 #[test]
 fn a_plan_that_begins_elsewhere_is_made_while_another_waits_for_the_robot() {
-    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let mut stack = Stack::running(&Settings::fast_robot().patient()).unwrap();
     let from_robot = PlanRequest {
         deadline: Some(NO_DEADLINE),
         ..PlanRequest::from_robot(Goal::tip([1.5, 0.0, 2.4]))

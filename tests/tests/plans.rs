@@ -20,7 +20,7 @@ const EARLY_ASKED: usize = 10;
 
 #[test]
 fn a_plan_starts_and_ends_where_it_should() {
-    let mut stack = Stack::new(&Settings::default());
+    let mut stack = Stack::new(&Settings::default().patient());
     stack.start(Part::Daemon);
     let request = PlanRequest {
         candidate_count: 4,
@@ -137,7 +137,7 @@ fn ask_early(client: &mut Client, request: &PlanRequest) -> (bool, PlanAnswer) {
 
 #[test]
 fn answers_are_not_lost_not_mixed_up_and_the_same_with_one_thread_and_with_two() {
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let pool = general_requests(&stack.world.robot, 25, stack.world.sampler());
     stack.disconnect_client();
     let two_threads = ask_at_once(&stack.world, &pool, 1);
@@ -215,7 +215,7 @@ fn wait_for_daemon(world: &World) {
 
 #[test]
 fn the_tool_prints_a_plan_as_json_to_the_bit() {
-    let mut stack = Stack::new(&Settings::default());
+    let mut stack = Stack::new(&Settings::default().patient());
     stack.start(Part::Daemon);
     stack.client.wait_for_daemon(PATIENCE).unwrap();
     let words =

@@ -43,7 +43,7 @@ fn described() -> BTreeMap<String, String> {
 
 #[test]
 fn what_is_there_is_what_wire_json_describes() {
-    let mut stack = Stack::running(&Settings::default()).unwrap();
+    let mut stack = Stack::running(&Settings::default().patient()).unwrap();
     let told = services(&stack.world);
     let live = told["services"].as_array().unwrap().iter();
     let live: BTreeMap<String, String> = live

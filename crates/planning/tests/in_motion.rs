@@ -276,31 +276,32 @@ fn a_later_state_that_cannot_brake_leaves_the_plan_where_it_was() {
 #[test]
 fn an_interrupt_before_the_fastest_motion_is_planned_anew_leaves_the_known_one() {
     let planner = planner(1);
-    let state = rest_to_rest(&planner).at(0.2);
+    let motion = rest_to_rest(&planner);
+    let state = motion.at(0.2);
     let (moving, in_motion) = leaving_in(behind_a_ball(&planner, &state, LARGE), &state);
-    let is_asked = AtomicBool::new(false);
-    let is_interrupted = || is_asked.load(Ordering::Relaxed);
-    let told = AtomicUsize::new(0);
-    let early_selection = EarlySelection {
-        begin: &|_, _| is_asked.store(true, Ordering::Relaxed),
-        selected: &|_| {
-            told.fetch_add(1, Ordering::Relaxed);
-        },
-    };
-    let supervision = Supervision {
-        early_selection: Some(early_selection),
-        ..Supervision::new(&is_interrupted)
-    };
-    let plan = planner.plan_supervised(&moving, &in_motion, supervision);
-    let answer = plan.unwrap();
-    assert!(answer.truncated && told.into_inner() == 1);
-    assert_eq!(answer.candidates.len(), 1);
-    assert_begin_at(
-        &planner,
-        &moving.scene,
-        &knot_at(&state),
-        answer.candidates.iter(),
-    );
+    for begin in [motion.at(0.2), motion.at(0.204)].map(|state| knot_at(&state)) {
+        let is_asked = AtomicBool::new(false);
+        let is_interrupted = || is_asked.load(Ordering::Relaxed);
+        let told = AtomicUsize::new(0);
+        let early_selection = EarlySelection {
+            begin: &|_, can_begin| {
+                assert!(begin == knot_at(&state) || can_begin(&begin));
+                is_asked.store(true, Ordering::Relaxed);
+            },
+            selected: &|_| {
+                told.fetch_add(1, Ordering::Relaxed);
+            },
+        };
+        let supervision = Supervision {
+            early_selection: Some(early_selection),
+            ..Supervision::new(&is_interrupted)
+        };
+        let plan = planner.plan_supervised(&moving, &in_motion, supervision);
+        let answer = plan.unwrap();
+        assert!(answer.truncated && told.into_inner() == 1);
+        assert_eq!(answer.candidates.len(), 1);
+        assert_begin_at(&planner, &moving.scene, &begin, answer.candidates.iter());
+    }
 }
 
 #[test]

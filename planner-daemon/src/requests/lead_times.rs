@@ -61,7 +61,7 @@ impl From<ToBeDone> for Work {
 }
 
 impl Work {
-    /// Work that takes longer or most of its time, by the first of which that was done it is foreseen as long as it was not done itself.
+    /// Other work, by the first of which that was done it is foreseen as long as it was not done itself: longer work, or what is most of it.
     fn foreseen_by(self) -> &'static [Self] {
         match self {
             Self::SegmentAgain => &[Self::StraightSegments],
@@ -166,8 +166,8 @@ impl LeadTimes {
             let known = self.recent.iter().find(|(known, _)| *known == kind);
             known.and_then(|(_, times)| times.longest_usual(foresight.exceptional))
         };
-        let longer = kind.work.foreseen_by().iter().copied();
-        let foreseen = std::iter::once(kind.work).chain(longer).find_map(foreseen);
+        let others = kind.work.foreseen_by().iter().copied();
+        let foreseen = std::iter::once(kind.work).chain(others).find_map(foreseen);
         foreseen.map_or(FIRST_LEAD, |took| {
             took.mul_f64(foresight.margin) + foresight.to_the_loop
         })
@@ -268,14 +268,15 @@ mod tests {
         ];
         times.note_warm_up(kind(Work::WholePlan), Duration::from_millis(8));
         times.note_warm_up(kind(Work::WholePlan), Duration::from_millis(8));
-        let of_whole = times.lead(kind(Work::PlanningAnew));
-        assert!(of_whole < FIRST_LEAD);
+        assert!(times.lead(kind(Work::PlanningAnew)) < FIRST_LEAD);
         for work in of_planning_anew {
             assert!(times.lead(kind(work)) < FIRST_LEAD, "{work:?}");
         }
         times.note(kind(Work::PlanningAnew), Duration::from_millis(3));
         for work in of_planning_anew {
-            assert!(times.lead(kind(work)) < of_whole, "{work:?}");
+            let foresight = work.foresight();
+            let lead = Duration::from_millis(3).mul_f64(foresight.margin) + foresight.to_the_loop;
+            assert_eq!(times.lead(kind(work)), lead, "{work:?}");
         }
         assert_eq!(times.lead(kind(Work::SegmentAgain)), FIRST_LEAD);
         times.note(kind(Work::Joining), Duration::from_millis(1));

@@ -150,7 +150,7 @@ fn after_braking(context: &RequestContext, motion: &StartMotion) -> Result<Plan,
         (None, Some(later)) => (later, segments),
         (None, None) => (&braking, segments),
     };
-    let joining = joining.to(braking);
+    let joining = joining.to_braking(braking);
     let later = || braking_later(context, late?, joining_again);
     let late = late.map(|late| Late {
         braking: &later,
@@ -254,7 +254,7 @@ fn settled<'a>(
     let segments = match &first {
         None => joining.with_fastest_improved(segments),
         Some(braking) => {
-            let joining = joining.to(braking);
+            let joining = joining.to_braking(braking);
             joining.with_fastest_improved(joining.fastest_again(&segments, goals))
         }
     };
@@ -262,7 +262,7 @@ fn settled<'a>(
     let Some(second) = asked.and_then(later) else {
         return (segments, first);
     };
-    let segments = joining.to(&second).fastest_again(&segments, goals);
+    let segments = joining.to_braking(&second).fastest_again(&segments, goals);
     (segments, Some(second))
 }
 

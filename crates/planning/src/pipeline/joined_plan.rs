@@ -82,7 +82,7 @@ impl Joining<'_> {
         };
         let later = Joining {
             anew: self.anew.filter(|_| plans_anew),
-            ..self.to(&braking)
+            ..self.to_braking(&braking)
         };
         let fastest = select_of(&joined).map(|fastest| fastest.draw);
         from_rest.sort_by_key(|it| Some(it.draw) != fastest);
@@ -159,11 +159,12 @@ impl Joining<'_> {
 
     /// Plans the fastest motion anew, and puts the motion of that plan in its place where it is faster. Returns the motion.
     fn plan_fastest_anew(&self, joined: &mut [Joined]) -> Option<JoinedDraw> {
+        self.anew?;
         let fastest = joined
             .iter_mut()
             .min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))?;
         let known = fastest.1.as_ref().ok()?;
-        let straight_s = self.straight_s(&known.end()).ok()?;
+        let straight_s = self.straight_s(&known.end())?;
         let it = self.planned_anew(known, straight_s)?;
         fastest.1 = Ok(it.joined.clone());
         Some(it)
@@ -176,7 +177,7 @@ impl Joining<'_> {
             |a: &&Candidate, b: &&Candidate| a.metrics.duration_s.total_cmp(&b.metrics.duration_s);
         let fastest = plan.candidates.iter().min_by(by_duration);
         let detour_s =
-            fastest.and_then(|it| Some(it.metrics.duration_s - self.straight_s(&it.end()).ok()?));
+            fastest.and_then(|it| Some(it.metrics.duration_s - self.straight_s(&it.end())?));
         detour_s.is_some_and(|detour_s| detour_s > USUAL_GAIN * self.braking.motion.duration())
     }
 }

@@ -3,7 +3,6 @@
 use crate::path::waypoints::{Waypoints, straight_path};
 use crate::pipeline::braking::Braking;
 use crate::plan::{Candidate, Draw, Failure};
-use codes::Source;
 use pcc_model::Configuration;
 use trajectory::Trajectory;
 
@@ -39,17 +38,14 @@ pub(super) struct JoinedDraw {
     pub(super) joined: Candidate,
     /// Whether its path is the straight segment itself.
     pub(super) is_straight: bool,
-    /// The time of the straight segment to the same goal configuration, s: from rest no path takes less, whether or not the segment is clear.
+    /// The time of the straight segment to the same goal configuration from rest, clear or not, s.
     pub(super) straight_s: f64,
 }
 
 impl<'a> Joining<'a> {
-    /// The same to another braking.
-    pub(super) fn to<'b>(self, braking: &'b Braking<'b>) -> Joining<'b>
-    where
-        'a: 'b,
-    {
-        Joining { braking, ..self }
+    /// Joins motions to another braking.
+    pub(super) fn to_braking(self, braking: &'a Braking<'a>) -> Self {
+        Self { braking, ..self }
     }
 
     /// A joined motion with the best of more ways to brake, or planned anew where it may be later than after a stop.
@@ -76,53 +72,6 @@ impl<'a> Joining<'a> {
         it
     }
 
-    /// The straight segment itself.
-    pub(super) fn straight(
-        &self,
-        draw: usize,
-        goal: &Configuration,
-    ) -> Result<JoinedDraw, Failure> {
-        let (path, motion) = self.timed_segment(goal, f64::INFINITY)?;
-        self.certified_segment(draw, path, motion)
-    }
-
-    /// The path of the straight segment, and its motion, which is not certified; [`Failure::Slower`] where that takes longer than `longest_s`.
-    pub(super) fn timed_segment(
-        &self,
-        goal: &Configuration,
-        longest_s: f64,
-    ) -> Result<(Waypoints, Trajectory), Failure> {
-        if self.is_interrupted() {
-            return Err(Failure::Truncated);
-        }
-        let path = straight_path(&self.braking.motion.end(), goal);
-        let motion = self.braking.after().time(&path)?;
-        if motion.duration() > longest_s {
-            return Err(Failure::Slower);
-        }
-        Ok((path, motion))
-    }
-
-    /// A segment's motion certified and joined.
-    pub(super) fn certified_segment(
-        &self,
-        draw: usize,
-        path: Waypoints,
-        motion: Trajectory,
-    ) -> Result<JoinedDraw, Failure> {
-        let straight_s = motion.duration();
-        let draw_of_path = Draw {
-            sampled: Some(path.clone()),
-            path: Some(path),
-            source: Source::StraightLine,
-            outcome: self.braking.after().certified(motion),
-        };
-        Ok(JoinedDraw {
-            is_straight: true,
-            ..self.joined(draw, draw_of_path, straight_s)?
-        })
-    }
-
     pub(super) fn is_interrupted(&self) -> bool {
         (self.braking.after().interrupt)()
     }
@@ -135,26 +84,36 @@ impl<'a> Joining<'a> {
     /// The fastest motion of a plan to the goal configuration of a known one alone, from where the robot now rests after braking, where the known
     /// one is to be planned anew and this one is faster: the faster of both is no later than after a stop.
     pub(super) fn planned_anew(&self, known: &Candidate, straight_s: f64) -> Option<JoinedDraw> {
-        let anew = self
-            .anew
-            .filter(|_| self.is_to_be_planned_anew(known, straight_s))?;
-        let fastest = anew(self.braking, &known.end())?;
+        if !self.is_to_be_planned_anew(known, straight_s) {
+            return None;
+        }
+        let fastest = (self.anew?)(self.braking, &known.end())?;
         let it = self.joined(known.draw, fastest, straight_s).ok()?;
         let it = self.braked_otherwise(it);
         (it.joined.metrics.duration_s < known.metrics.duration_s).then_some(it)
     }
 
-    /// Whether a joined motion is to be planned anew: it may arrive later than the fastest one after a stop, since that is faster than the
-    /// straight segment, which takes `straight_s`, by [`TIMING_ERROR`] at most.
+    /// Whether a joined motion is to be planned anew: where that is wanted, and the motion may arrive later than the fastest one after a stop. From
+    /// rest none is faster than the straight segment, which takes `straight_s`, by more than [`TIMING_ERROR`].
     pub(super) fn is_to_be_planned_anew(&self, joined: &Candidate, straight_s: f64) -> bool {
         let least_s = self.braking.motion.duration() + (1.0 - TIMING_ERROR) * straight_s;
         self.anew.is_some() && joined.metrics.duration_s > least_s
     }
 
     /// The time of the straight segment from where the robot rests after braking, s.
-    pub(super) fn straight_s(&self, end: &Configuration) -> Result<f64, Failure> {
-        let (_, motion) = self.timed_segment(end, f64::INFINITY)?;
-        Ok(motion.duration())
+    pub(super) fn straight_s(&self, end: &Configuration) -> Option<f64> {
+        let (_, motion) = self.timed_segment(end).ok()?;
+        Some(motion.duration())
+    }
+
+    /// The path of the straight segment from where the robot rests after braking, and its motion, which is not certified.
+    pub(super) fn timed_segment(
+        &self,
+        goal: &Configuration,
+    ) -> Result<(Waypoints, Trajectory), Failure> {
+        let path = straight_path(&self.braking.motion.end(), goal);
+        let motion = self.braking.after().time(&path)?;
+        Ok((path, motion))
     }
 
     /// A draw from rest with its motion joined to the braking.

@@ -9,6 +9,7 @@ use crate::request::ToBeDone;
 use codes::Source;
 use pcc_model::Configuration;
 use rayon::prelude::*;
+use trajectory::Trajectory;
 
 /// Straight segments to goal configurations, pushed out of obstacles where they must be, joined to a braking before other paths are planned.
 #[derive(Default)]
@@ -112,7 +113,7 @@ impl Joining<'_> {
             outcome: Ok(known.from_rest.certified()),
             ..known.draw.clone()
         };
-        let straight_s = self.straight_s(&goals[index]).ok()?;
+        let straight_s = self.straight_s(&goals[index])?;
         self.joined(index, from_rest, straight_s).ok()
     }
 
@@ -143,8 +144,14 @@ impl Joining<'_> {
         goal: &Configuration,
         longest_s: f64,
     ) -> Result<JoinedDraw, Failure> {
-        let (path, motion) = self.timed_segment(goal, longest_s)?;
+        if self.is_interrupted() {
+            return Err(Failure::Truncated);
+        }
+        let (path, motion) = self.timed_segment(goal)?;
         let straight_s = motion.duration();
+        if straight_s > longest_s {
+            return Err(Failure::Slower);
+        }
         match self.certified_segment(draw, path.clone(), motion) {
             Err(Failure::Collision | Failure::Bending) if self.pushes() => {
                 let it = self.pushed(path, longest_s);
@@ -152,6 +159,32 @@ impl Joining<'_> {
             }
             straight => straight,
         }
+    }
+
+    /// The straight segment itself.
+    fn straight(&self, draw: usize, goal: &Configuration) -> Result<JoinedDraw, Failure> {
+        let (path, motion) = self.timed_segment(goal)?;
+        self.certified_segment(draw, path, motion)
+    }
+
+    /// A straight segment's motion certified and joined.
+    fn certified_segment(
+        &self,
+        draw: usize,
+        path: Waypoints,
+        motion: Trajectory,
+    ) -> Result<JoinedDraw, Failure> {
+        let straight_s = motion.duration();
+        let draw_of_path = Draw {
+            sampled: Some(path.clone()),
+            path: Some(path),
+            source: Source::StraightLine,
+            outcome: self.braking.after().certified(motion),
+        };
+        Ok(JoinedDraw {
+            is_straight: true,
+            ..self.joined(draw, draw_of_path, straight_s)?
+        })
     }
 
     fn pushes(&self) -> bool {

@@ -168,7 +168,7 @@ fn too_slow(report: &mut Report) -> anyhow::Result<()> {
 
 impl Case {
     fn run(&self, report: &mut Report) -> anyhow::Result<()> {
-        let mut all = ServoStack::driven()?;
+        let mut all = ServoStack::driven(&Settings::default())?;
         let id = all.stack.begin_motion(Goal::tip(TIP_M))?;
         all.stack.wait_for_progress(id, UNDER_WAY_S)?;
         let said_before = all.driver.log().len();

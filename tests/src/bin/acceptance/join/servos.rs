@@ -37,7 +37,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         let body = Body::from_robot_file(&text);
         let bank = ServoBank::start(&body, radius_m, BAUD, SLACK_M);
         let config = folder.path().join("dynamixel-robot.toml");
-        bank.write_config(&config, &robot_file);
+        bank.write_config(&config, &robot_file, None);
         let recorded = folder.path().join("recording");
         let by_servos = ["--dynamixel", &config.to_string_lossy()];
         let (printed, wound) = WoundTendons::watch(&bank, || {

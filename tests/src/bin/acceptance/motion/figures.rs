@@ -69,7 +69,7 @@ pub(super) struct Figures {
     /// From a request in motion to the first set-point of the motion that joins another, ms, infinite where it is refused or not begun, with the
     /// time at which it was asked for.
     pub(super) to_setpoint_ms: Vec<(Instant, f64)>,
-    /// The same of those that were begun, with the lead and the stages of each in words.
+    /// Times until the first set-point of replans that were begun, ms, with the lead and the stages of each in words.
     pub(super) begun_ms: Vec<(f64, String)>,
     /// Refusals in motion by cause.
     pub(super) refusals: BTreeMap<String, usize>,
