@@ -128,25 +128,25 @@ fn a_plan_is_executed_after_it_was_looked_at_unless_a_stop_comes_between() {
     let asked = PlannedExecution::now(plan_id, Some(1));
     let stop = Command::Stop.because("between request and execution");
     let _ = stack.controller.command(stop, PATIENCE).unwrap();
-    let answer = stack.client.execute_planned(&asked, PATIENCE).unwrap();
-    let refused = answer.report().trajectory_id.unwrap();
+    // The daemon publishes nothing while the controller starts again after a stall, or as long as it does not know of a refusal.
+    let mut published = |asked: &dyn Fn() -> PlannedExecution| {
+        let id = wait_for("it is published", PATIENCE, || {
+            let answer = stack.client.execute_planned(&asked(), PATIENCE).unwrap();
+            answer.report().trajectory_id
+        });
+        id.unwrap()
+    };
+    let refused = published(&|| asked);
     let state = wait_for("it is refused", PATIENCE, || {
         let state = stack.controller.latest_state().unwrap()?;
         (state.values.refused_trajectory_id == refused).then_some(state)
     });
     assert_eq!(state.unwrap().refusal, Refusal::RequestedBefore);
-    drop(answer);
-
-    let asked = PlannedExecution::now(plan_id, Some(1));
-    let answer = wait_for("supervision knows of the refusal", PATIENCE, || {
-        let asked = PlannedExecution::now(plan_id, Some(1));
-        let answer = stack.client.execute_planned(&asked, PATIENCE).unwrap();
-        answer.report().trajectory_id.is_some().then_some(answer)
-    });
-    let id = answer.unwrap().report().trajectory_id.unwrap();
+    let id = published(&|| PlannedExecution::now(plan_id, Some(1)));
     stack.wait_for_end(id).unwrap();
     let reached = stack.commanded();
     assert!((reached - pcc_model::Configuration::from(end)).norm() < 1e-9);
+    let asked = PlannedExecution::now(plan_id, Some(1));
     let answer = stack.client.execute_planned(&asked, PATIENCE).unwrap();
     assert_eq!(answer.report().outcome, Outcome::ExecutionRefused);
     let reason = &answer.report().reason;

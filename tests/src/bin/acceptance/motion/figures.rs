@@ -63,6 +63,8 @@ pub(super) struct Figures {
     pub(super) in_motion: usize,
     /// What was published, by id.
     pub(super) published: BTreeMap<u32, AskedMotion>,
+    /// Faults of the controller, which were reset.
+    pub(super) faults: BTreeMap<String, usize>,
     /// Motions of answers in motion that were not heard.
     pub(super) unheard: usize,
 

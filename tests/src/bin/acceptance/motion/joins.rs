@@ -77,6 +77,12 @@ pub(super) fn what_was_asked(
         figures.scenes_drawn
     );
     report.shown(&line("what was asked for"), counts);
+    report.check(
+        &line("faults of the controller, which was reset: what was asked for before counts"),
+        format!("{:?}", figures.faults),
+        "none",
+        figures.faults.is_empty(),
+    );
     let refused: usize = figures.refusals.values().sum();
     let in_motion = figures.published.values().filter(|it| it.in_motion);
     let account = format!(

@@ -49,7 +49,7 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
     let mut random = seeded(SEED);
     let mut index = 0;
     while figures.in_motion < population.count {
-        wait_until_held(&mut stack)?;
+        wait_until_held_or_reset(&mut stack, &mut figures)?;
         let standing = stack.commanded();
         let scene = ReplanScene::around(&robot, &standing, SEED, &mut index);
         figures.scenes += 1;
@@ -62,10 +62,10 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
             population,
             &scene,
             count,
-            &mut figures.requests,
+            &mut figures,
             &mut random,
         )?;
-        wait_until_held(&mut stack)?;
+        wait_until_held_or_reset(&mut stack, &mut figures)?;
         sleep(Duration::from_millis(50));
         let heard = listener.take();
         judge.look(&heard);
@@ -106,13 +106,31 @@ pub(super) fn wait_until_held(stack: &mut Stack) -> anyhow::Result<()> {
     held.context("after replans")
 }
 
-/// Asks for tips one after the other until so many have found the robot in motion, as its states tell.
+/// The same; a controller in fault is counted and reset, and what was asked for before counts.
+fn wait_until_held_or_reset(stack: &mut Stack, figures: &mut Figures) -> anyhow::Result<()> {
+    loop {
+        let rests = [LoopState::Holding, LoopState::Fault];
+        let view = &mut stack.controller;
+        let rests = tests::process::wait_for("the robot rests", PATIENCE, || {
+            let state = view.latest_state().ok().flatten()?;
+            rests.contains(&state.state).then_some(state)
+        });
+        let state = rests.context("after replans")?;
+        if state.state == LoopState::Holding {
+            return Ok(());
+        }
+        *figures.faults.entry(state.fault.to_string()).or_default() += 1;
+        stack.clear_fault()?;
+    }
+}
+
+/// Asks for tips one after the other until so many have found the robot in motion, as its states tell, or the controller is in fault.
 fn replans(
     stack: &mut Stack,
     population: &Population,
     scene: &ReplanScene,
     count: usize,
-    requests: &mut usize,
+    figures: &mut Figures,
     random: &mut Pcg64,
 ) -> anyhow::Result<Vec<Asked>> {
     let robot = stack.world.unit_robot();
@@ -121,20 +139,17 @@ fn replans(
     while in_motion < count {
         let tip = scene.tip(&robot, random);
         let state = stack.controller_state();
-        anyhow::ensure!(
-            state.fault == LoopFault::None,
-            "the controller is in fault ({}) after {requests} requests: {}",
-            state.fault,
-            stack.process(Part::Controller).log()
-        );
+        if state.fault != LoopFault::None {
+            break;
+        }
         let was_moving = state.state == LoopState::Executing;
-        let seed = *requests as u64;
+        let seed = figures.requests as u64;
         let request = replan(tip.into(), &scene.balls, seed);
         let (at, mono_ns) = (Instant::now(), mono_now_ns());
         let answer = stack.client.plan(&request, PATIENCE)?;
         let took = at.elapsed();
         let report = answer.report();
-        *requests += 1;
+        figures.requests += 1;
         in_motion += usize::from(was_moving);
         let answered = match report.trajectory_id {
             Some(id) => Answered::Published(id),
