@@ -30,7 +30,8 @@ pub struct Settings {
     pub without_priorities: bool,
     /// Whether the daemon is to have no model.
     pub without_weights: bool,
-    /// Time of silence after which robot, servos and controller count as lost for each other, ms, if not the shipped one.
+    /// Time of silence after which the controller for the simulated robot, and a robot or a servo for the controller or the driver, is lost, ms, if
+    /// not the shipped one; a cycle of the controller counts as much.
     pub lost_ms: Option<i64>,
 }
 
@@ -258,6 +259,8 @@ fn write_configuration(folder: &Path, settings: &Settings, has_weights: bool) ->
     }
     if let Some(lost_ms) = settings.lost_ms {
         controller.insert("robot_lost_ms".to_owned(), lost_ms.into());
+        controller.insert("step_cap_ms".to_owned(), Value::Float(lost_ms as f64));
+        controller.insert("late_run_ms".to_owned(), (5 * lost_ms).into());
     }
     fs::write(folder.join("controller.toml"), controller.to_string()).unwrap();
     let mut motors = shipped("simulated-robot.toml");

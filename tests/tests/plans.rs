@@ -20,7 +20,7 @@ const EARLY_ASKED: usize = 10;
 
 #[test]
 fn a_plan_starts_and_ends_where_it_should() {
-    let mut stack = Stack::new(&Settings::default().patient());
+    let mut stack = Stack::new(&Settings::default());
     stack.start(Part::Daemon);
     let request = PlanRequest {
         candidate_count: 4,
@@ -215,7 +215,7 @@ fn wait_for_daemon(world: &World) {
 
 #[test]
 fn the_tool_prints_a_plan_as_json_to_the_bit() {
-    let mut stack = Stack::new(&Settings::default().patient());
+    let mut stack = Stack::new(&Settings::default());
     stack.start(Part::Daemon);
     stack.client.wait_for_daemon(PATIENCE).unwrap();
     let words =

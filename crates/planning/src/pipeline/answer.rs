@@ -136,7 +136,7 @@ fn after_braking(context: &RequestContext, motion: &StartMotion) -> Result<Plan,
     } = segments_first(context, &joining, &after)?;
     let early = supervision.early_selection;
     let late = early.filter(|_| segments.selected().is_none());
-    let plans_anew = is_afresh && joining.expects_planning_paths_anew(&plan);
+    let plans_anew = joining.expects_planning_paths_anew(&plan);
     let [joining_all, joining_again] = match plans_anew {
         true => [
             ToBeDone::JoiningAndPlanningAnew,

@@ -159,7 +159,9 @@ impl Joining<'_> {
 
     /// Plans the fastest motion anew, and puts the motion of that plan in its place where it is faster. Returns the motion.
     fn plan_fastest_anew(&self, joined: &mut [Joined]) -> Option<JoinedDraw> {
-        self.anew?;
+        if !self.plans_anew() {
+            return None;
+        }
         let fastest = joined
             .iter_mut()
             .min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))?;
@@ -176,6 +178,7 @@ impl Joining<'_> {
         let by_duration =
             |a: &&Candidate, b: &&Candidate| a.metrics.duration_s.total_cmp(&b.metrics.duration_s);
         let fastest = plan.candidates.iter().min_by(by_duration);
+        let fastest = fastest.filter(|_| self.plans_anew());
         let detour_s =
             fastest.and_then(|it| Some(it.metrics.duration_s - self.straight_s(&it.end())?));
         detour_s.is_some_and(|detour_s| detour_s > USUAL_GAIN * self.braking.motion.duration())

@@ -97,7 +97,11 @@ impl<'a> Joining<'a> {
     /// rest none is faster than the straight segment, which takes `straight_s`, by more than [`TIMING_ERROR`].
     pub(super) fn is_to_be_planned_anew(&self, joined: &Candidate, straight_s: f64) -> bool {
         let least_s = self.braking.motion.duration() + (1.0 - TIMING_ERROR) * straight_s;
-        self.anew.is_some() && joined.metrics.duration_s > least_s
+        self.plans_anew() && joined.metrics.duration_s > least_s
+    }
+
+    pub(super) fn plans_anew(&self) -> bool {
+        self.anew.is_some() && !self.is_interrupted()
     }
 
     /// The time of the straight segment from where the robot rests after braking, s.

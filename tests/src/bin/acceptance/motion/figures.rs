@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use pcc_model::{Robot, TendonLimits};
 use shared_types::capacity::STAGES;
-use shared_types::codes::{LoopState, MotionOutcome, Stage};
+use shared_types::codes::{LoopFault, LoopState, MotionOutcome, Stage};
 use shared_types::message::Cycle;
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::judge::Verdict;
@@ -13,6 +13,7 @@ use tests::knots::{largest_bending_rad, least_clearance_m, limit_use, state_at};
 use tests::listener::{Heard, Published};
 use tests::motion::raise;
 use tests::replans::StopThenGo;
+use tests::stack::Stack;
 
 /// What came of a request.
 pub(super) enum Answered {
@@ -130,6 +131,16 @@ impl Figures {
             clearance_m: [f64::INFINITY; 2],
             ..Self::default()
         }
+    }
+
+    /// Resets a fault of the controller, if it is in one, and counts it.
+    pub(super) fn reset_fault(&mut self, stack: &mut Stack) -> anyhow::Result<()> {
+        let fault = stack.controller_state().fault;
+        if fault != LoopFault::None {
+            *self.faults.entry(fault.to_string()).or_default() += 1;
+            stack.clear_fault()?;
+        }
+        Ok(())
     }
 
     /// Takes in the requests of a scene, in motion or at rest by the cycle at their time.

@@ -23,6 +23,8 @@ use crate::runs::folder;
 
 /// Seed of scenes, tips and pauses: nothing was trained with it.
 const SEED: u64 = 9_101;
+/// Faults, beside one in ten replans, after which a run ends.
+const SOME_FAULTS: usize = 10;
 /// Replans in one scene.
 const IN_A_SCENE: usize = 25;
 /// Shortest time within which the pause between two replans is drawn, at the shipped limits, where a motion is shorter: it is drawn from none
@@ -98,30 +100,30 @@ pub(super) fn balls(scene: &ReplanScene) -> Vec<Ball> {
 
 /// Waits until the robot rests.
 pub(super) fn wait_until_held(stack: &mut Stack) -> anyhow::Result<()> {
-    let view = &mut stack.controller;
-    let held = tests::process::wait_for("the robot rests", PATIENCE, || {
-        let state = view.latest_state().ok().flatten()?;
-        (state.state == LoopState::Holding).then_some(())
-    });
-    held.context("after replans")
+    wait_for_state(stack, &[LoopState::Holding])
 }
 
-/// The same; a controller in fault is counted and reset, and what was asked for before counts.
+/// Waits until the robot rests; a controller in fault is reset, and what was asked for before counts.
 fn wait_until_held_or_reset(stack: &mut Stack, figures: &mut Figures) -> anyhow::Result<()> {
-    loop {
-        let rests = [LoopState::Holding, LoopState::Fault];
-        let view = &mut stack.controller;
-        let rests = tests::process::wait_for("the robot rests", PATIENCE, || {
-            let state = view.latest_state().ok().flatten()?;
-            rests.contains(&state.state).then_some(state)
-        });
-        let state = rests.context("after replans")?;
-        if state.state == LoopState::Holding {
-            return Ok(());
-        }
-        *figures.faults.entry(state.fault.to_string()).or_default() += 1;
-        stack.clear_fault()?;
-    }
+    wait_for_state(stack, &[LoopState::Holding, LoopState::Fault])?;
+    figures.reset_fault(stack)?;
+    let faults: usize = figures.faults.values().sum();
+    anyhow::ensure!(
+        faults <= SOME_FAULTS + figures.in_motion / 10,
+        "the controller was in fault too often ({:?}): {}",
+        figures.faults,
+        stack.process(Part::Controller).log()
+    );
+    Ok(())
+}
+
+fn wait_for_state(stack: &mut Stack, states: &[LoopState]) -> anyhow::Result<()> {
+    let view = &mut stack.controller;
+    let rests = tests::process::wait_for("the robot rests", PATIENCE, || {
+        let state = view.latest_state().ok().flatten()?;
+        states.contains(&state.state).then_some(())
+    });
+    rests.context("after replans")
 }
 
 /// Asks for tips one after the other until so many have found the robot in motion, as its states tell, or the controller is in fault.

@@ -4,13 +4,12 @@
 mod disturbance;
 mod fates;
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use anyhow::Context;
 use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopFault, LoopState};
+use shared_types::codes::LoopState;
 use shared_types::message::RobotState;
 use shared_types::valid::{Command, PlanRequest};
 use tests::brute_force::{Ball, Body, Tendons};
@@ -80,8 +79,6 @@ struct Run {
     at_rest: [usize; 2],
     /// Orders of speed, pauses and their ends that the controller took.
     orders_taken: usize,
-    /// Faults that were latched, and what the robot was stopped for.
-    faults: BTreeMap<String, usize>,
     /// Least clearance of what the robot's own reference did, m.
     reference_clearance_m: f64,
     /// What the robot said of its ramps to rest.
@@ -101,7 +98,6 @@ impl Run {
             off_path: OffPath::default(),
             at_rest: [0; 2],
             orders_taken: 0,
-            faults: BTreeMap::new(),
             reference_clearance_m: f64::INFINITY,
             ramps_said: Vec::new(),
         };
@@ -136,7 +132,7 @@ impl Run {
     ) -> anyhow::Result<Vec<Replan>> {
         let mut asked = Vec::new();
         while self.figures.in_motion < until {
-            self.clear_fault(stack)?;
+            self.figures.reset_fault(stack)?;
             match self.ask(stack, scene, random)? {
                 Asked::InMotion(replan) => asked.push(replan),
                 Asked::AtRest => self.at_rest[0] += 1,
@@ -149,7 +145,7 @@ impl Run {
             std::thread::sleep(random_pause(PAUSES[0], PAUSES[1], random));
         }
         stack.controller.command(Command::SetSpeed(1.0), PROMPT)?;
-        self.clear_fault(stack)?;
+        self.figures.reset_fault(stack)?;
         let held = wait_until_held(stack);
         held.with_context(|| format!("{:?}", stack.controller_state().values))?;
         Ok(asked)
@@ -175,16 +171,6 @@ impl Run {
         let replan = ask_in_motion(stack, &request, &mut schedule)?;
         self.orders_taken += schedule.orders_taken();
         Ok(Asked::InMotion(replan))
-    }
-
-    /// Resets a fault that a disturbance has caused, and counts it.
-    fn clear_fault(&mut self, stack: &mut Stack) -> anyhow::Result<()> {
-        let fault = stack.controller_state().fault;
-        if fault != LoopFault::None {
-            *self.faults.entry(fault.to_string()).or_default() += 1;
-            stack.clear_fault()?;
-        }
-        Ok(())
     }
 
     fn look(
@@ -222,7 +208,7 @@ impl Run {
         );
         report.shown(
             &line("faults, reset before the next"),
-            format!("{:?}", self.faults),
+            format!("{:?}", self.figures.faults),
         );
         report.shown(
             &line("what the robot said of its ramps to rest"),
