@@ -9,11 +9,12 @@ use realtime::use_fifo_priority;
 use shared_types::codes::{MotionStart, ProcessKind};
 use shared_types::ipc::{
     CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber, controller_state_service,
-    cycle_service, heartbeat_service, motion_result_service, robot_state_service, setpoint_service,
-    subscriber, trajectory_service,
+    cycle_service, heartbeat_service, motion_result_service, observer_subscriber,
+    plan_record_service, robot_state_service, setpoint_service, subscriber, trajectory_service,
 };
 use shared_types::message::{
-    ControllerState, Cycle, Heartbeat, MotionResult, RobotState, Setpoint, TrajectoryMessage,
+    ControllerState, Cycle, Heartbeat, MotionResult, PlanRecord, RobotState, Setpoint,
+    TrajectoryMessage,
 };
 
 use crate::knots::Knot;
@@ -36,6 +37,8 @@ pub struct Heard {
     pub motions: Vec<Published>,
     /// How the motions ended that the controller has received.
     pub results: Vec<MotionResult>,
+    /// The daemon's plans, whole or not, each with its request.
+    pub plans: Vec<PlanRecord>,
 }
 
 /// A motion as the daemon publishes it.
@@ -77,6 +80,7 @@ impl Heard {
         self.daemon.append(&mut fresh.daemon);
         self.motions.append(&mut fresh.motions);
         self.results.append(&mut fresh.results);
+        self.plans.append(&mut fresh.plans);
     }
 }
 
@@ -132,6 +136,7 @@ struct Ports {
     heart: Subscriber<Heartbeat>,
     motions: Subscriber<TrajectoryMessage>,
     results: Subscriber<MotionResult>,
+    plans: Subscriber<PlanRecord>,
     _node: IpcNode,
 }
 
@@ -146,6 +151,7 @@ impl Ports {
             heart: subscriber(&node, &heartbeat_service(&node)?)?,
             motions: subscriber(&node, &trajectory_service(&node)?)?,
             results: subscriber(&node, &motion_result_service(&node)?)?,
+            plans: observer_subscriber(&node, &plan_record_service(&node)?)?,
             _node: node,
         })
     }
@@ -169,6 +175,9 @@ impl Ports {
         }
         while let Ok(Some(result)) = self.results.receive() {
             into.results.push(*result);
+        }
+        while let Ok(Some(record)) = self.plans.receive() {
+            into.plans.push(*record);
         }
         while let Ok(Some(beat)) = self.heart.receive() {
             if beat.kind == ProcessKind::Daemon.code() {

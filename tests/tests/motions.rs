@@ -9,7 +9,6 @@ use tests::judge::Judge;
 use tests::kills::disturb;
 use tests::listener::Listener;
 use tests::process::wait_for;
-use tests::retries;
 use tests::stack::{MoveError, NO_DEADLINE, PATIENCE, Part, Stack};
 use tests::world::Settings;
 
@@ -111,6 +110,16 @@ fn a_motion_that_does_not_start_where_the_robot_is_is_not_executed() {
     );
 }
 
+/// Has a candidate of an earlier plan executed; an error is why it was not published.
+fn execute_planned(stack: &mut Stack, asked: PlannedExecution) -> Result<u32, String> {
+    let answer = stack.client.execute_planned(&asked, PATIENCE).unwrap();
+    let report = answer.report();
+    report.trajectory_id.ok_or_else(|| {
+        assert_eq!(report.outcome, Outcome::ExecutionRefused, "{report}");
+        report.reason.clone()
+    })
+}
+
 #[test]
 fn a_plan_is_executed_after_it_was_looked_at_unless_a_stop_comes_between() {
     let mut stack = Stack::running(&Settings::fast_robot().patient()).unwrap();
@@ -129,26 +138,29 @@ fn a_plan_is_executed_after_it_was_looked_at_unless_a_stop_comes_between() {
     let asked = PlannedExecution::now(plan_id, Some(1));
     let stop = Command::Stop.because("between request and execution");
     let _ = stack.controller.command(stop, PATIENCE).unwrap();
-    // The daemon publishes nothing while the controller starts again after a stall, or as long as it does not know of a refusal.
-    let mut published = |asked: &dyn Fn() -> PlannedExecution| {
-        let id = wait_for("it is published", PATIENCE, || {
-            let answer = stack.client.execute_planned(&asked(), PATIENCE).unwrap();
-            let report = answer.report();
-            if report.trajectory_id.is_none() {
-                assert_eq!(report.outcome, Outcome::ExecutionRefused, "{report}");
-                retries::note(&report.reason);
-            }
-            report.trajectory_id
-        });
-        id.unwrap()
-    };
-    let refused = published(&|| asked);
-    let state = wait_for("it is refused", PATIENCE, || {
-        let state = stack.controller.latest_state().unwrap()?;
-        (state.values.refused_trajectory_id == refused).then_some(state)
-    });
-    assert_eq!(state.unwrap().refusal, Refusal::RequestedBefore);
-    let id = published(&|| PlannedExecution::now(plan_id, Some(1)));
+    // Whoever knows of the stop first refuses it.
+    match execute_planned(&mut stack, asked) {
+        Err(reason) => assert!(reason.contains("came after the request"), "{reason}"),
+        Ok(id) => {
+            let state = wait_for("it is refused", PATIENCE, || {
+                let state = stack.controller.latest_state().unwrap()?;
+                (state.values.refused_trajectory_id == id).then_some(state)
+            });
+            assert_eq!(state.unwrap().refusal, Refusal::RequestedBefore);
+        }
+    }
+    let mut refused = String::new();
+    let id = wait_for(
+        "it is published once the refusal is known",
+        PATIENCE,
+        || {
+            stack.wait_until_ready().unwrap();
+            let asked = PlannedExecution::now(plan_id, Some(1));
+            let published = execute_planned(&mut stack, asked);
+            published.map_err(|reason| refused = reason).ok()
+        },
+    );
+    let id = id.unwrap_or_else(|error| panic!("{error}: {refused}"));
     stack.wait_for_end(id).unwrap();
     let reached = stack.commanded();
     assert!((reached - pcc_model::Configuration::from(end)).norm() < 1e-9);

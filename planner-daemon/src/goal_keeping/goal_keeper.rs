@@ -294,6 +294,8 @@ impl GoalKeeper {
         kept.note_plan(has_jumped, now_mono_ns + PERIOD_NS);
         kept.look_again_mono_ns = now_mono_ns + LOOK_AGAIN_NS;
         self.status.plan_count += 1;
+        // To where a goal has jumped another way may be faster, and the fastest is known sooner without what remains.
+        let previous = kept.previous_plan_id.filter(|_| !has_jumped);
         Some(PlanRequest {
             seed: self.status.plan_count,
             candidate_count: CANDIDATES,
@@ -301,7 +303,7 @@ impl GoalKeeper {
             execute: true,
             limits_scale: target.limits_scale,
             requested_mono_ns: Some(requested_mono_ns),
-            previous: kept.previous_plan_id.map(|plan_id| PreviousPlan {
+            previous: previous.map(|plan_id| PreviousPlan {
                 plan_id,
                 candidate: None,
             }),

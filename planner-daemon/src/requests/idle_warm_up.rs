@@ -17,7 +17,7 @@ const LONGEST: Duration = Duration::from_millis(5);
 /// Plans for nobody, on the planner's workers, one at a time.
 pub(super) struct IdleWarmUp {
     planner: Arc<Planner>,
-    /// The last request to one goal that began in motion.
+    /// The last request to one goal that began in motion, without what it goes on from.
     last_in_motion: Option<(Arc<Problem>, Request)>,
     /// When the workers planned last for somebody.
     planned: Instant,
@@ -79,6 +79,7 @@ impl IdleWarmUp {
         if request.start_motion.is_some() && tells_early && !has_via {
             let request = Request {
                 end_to_move: None,
+                previous: None,
                 ..request.clone()
             };
             self.last_in_motion = Some((Arc::clone(problem), request));

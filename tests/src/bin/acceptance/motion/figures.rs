@@ -38,16 +38,6 @@ pub(super) struct Asked {
     pub(super) is_truncated: bool,
 }
 
-impl Asked {
-    fn stages_text(&self) -> String {
-        let stages = Stage::ALL.iter().map(|stage| {
-            let took_ns = self.stages_ns[stage.code() as usize];
-            format!("{} {:.2}", stage.text(), took_ns as f64 * 1e-6)
-        });
-        stages.collect::<Vec<_>>().join(", ")
-    }
-}
-
 /// A request whose motion was published.
 pub(super) struct AskedMotion {
     pub(super) asked: Asked,
@@ -152,9 +142,8 @@ impl Figures {
             if in_motion {
                 self.in_motion += 1;
                 self.note_ms("answer", asked.took.as_secs_f64() * 1e3);
-                for stage in Stage::ALL {
-                    let took_ns = asked.stages_ns[stage.code() as usize];
-                    self.note_ms(stage.text(), took_ns as f64 * 1e-6);
+                for (stage, took_ms) in stages_ms(&asked.stages_ns) {
+                    self.note_ms(stage, took_ms);
                 }
             }
             match &asked.answered {
@@ -196,7 +185,13 @@ impl Figures {
         }
         for motion in heard.motions.iter().filter(|it| it.leaves.is_some()) {
             let asked = self.published.get(&motion.id);
-            let asked = asked.map(|it| (it.asked.at, it.asked.mono_ns, it.asked.stages_text()));
+            let asked = asked.map(|it| {
+                (
+                    it.asked.at,
+                    it.asked.mono_ns,
+                    stages_text(&it.asked.stages_ns),
+                )
+            });
             let Some(first_ns) = first_followed(&heard.cycles, motion.id) else {
                 let never = asked.map(|(at, ..)| (at, f64::INFINITY));
                 self.to_setpoint_ms.extend(never);
@@ -339,6 +334,20 @@ impl Figures {
             self.won_from_the_request.push(won_s / stop_s);
         }
     }
+}
+
+/// The time of each stage of a plan by its name, ms.
+pub(super) fn stages_ms(stages_ns: &[u64; STAGES]) -> impl Iterator<Item = (&'static str, f64)> {
+    let took_ms = |stage: &Stage| stages_ns[stage.code() as usize] as f64 * 1e-6;
+    Stage::ALL
+        .iter()
+        .map(move |stage| (stage.text(), took_ms(stage)))
+}
+
+/// The same in words.
+pub(super) fn stages_text(stages_ns: &[u64; STAGES]) -> String {
+    let stages = stages_ms(stages_ns).map(|(name, took_ms)| format!("{name} {took_ms:.2}"));
+    stages.collect::<Vec<_>>().join(", ")
 }
 
 /// Whether a motion that won this share of the shortest stop arrived later than after stopping, by more than rounding.

@@ -1,13 +1,16 @@
 //! From a changed goal that stays to the first set-point of the motion to it.
 
+use std::collections::BTreeMap;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use client::{GoalSender, ScenePublisher};
 use pcc_model::UnitRobot;
 use rand_pcg::Pcg64;
+use shared_types::capacity::STAGES;
 use shared_types::clock::mono_now_ns;
-use shared_types::message::MovingBall;
+use shared_types::codes::Outcome;
+use shared_types::message::{MovingBall, PlanRecord};
 use shared_types::valid::Goal;
 use tests::brute_force::Body;
 use tests::geometry::seeded;
@@ -16,10 +19,10 @@ use tests::replans::{ReplanScene, random_pause};
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
-use super::figures::{first_followed, is_on_its_way};
+use super::figures::{first_followed, is_on_its_way, stages_ms, stages_text};
 use super::moving_goal::apart;
 use super::replan_run::wait_until_held;
-use super::windows::{WINDOWS, quantiles_text, show_windows};
+use super::windows::{SLOWEST, WINDOWS, quantiles_text, show_windows};
 use crate::report::Report;
 use crate::scale::Scale;
 use crate::stolen::StolenTimes;
@@ -51,6 +54,10 @@ struct Followed {
     took_ms: f64,
     /// Until the switch to that motion.
     lead_ms: f64,
+    /// The stages of its plan, nanoseconds.
+    stages_ns: Option<[u64; STAGES]>,
+    /// What became of other plans meanwhile.
+    others: Vec<String>,
 }
 
 /// Goals in general scenes, changed while the robot moves.
@@ -137,18 +144,33 @@ fn followed(change: &Change, heard: &Heard, body: &Body) -> Followed {
         let tip_m = body.tip(&motion.knots.last()?.values[0]);
         let is_to_it = apart(tip_m, change.tip_m) <= TOLERANCE_M;
         let first_ns = first_followed(&heard.cycles, motion.id)?;
-        (is_to_it && during.contains(&first_ns)).then_some((first_ns, motion.begin_mono_ns))
+        (is_to_it && during.contains(&first_ns)).then_some((first_ns, motion))
     });
     let ms = |until_ns: i64| (until_ns - change.given_ns) as f64 * 1e-6;
-    let never = [f64::INFINITY; 2];
-    let [took_ms, lead_ms] = firsts
-        .min()
-        .map_or(never, |(first_ns, switch_ns)| [first_ns, switch_ns].map(ms));
+    let first = firsts.min_by_key(|(first_ns, _)| *first_ns);
+    let plan = first.and_then(|(_, motion)| {
+        let mut plans = heard.plans.iter();
+        plans.find(|plan| plan.report.plan_id == motion.plan_id)
+    });
+    let until_ns = first.map_or(change.until_ns, |(first_ns, _)| first_ns);
+    let others = heard.plans.iter().filter(|plan| {
+        let is_other = first.is_none_or(|(_, motion)| motion.plan_id != plan.report.plan_id);
+        is_other && (change.given_ns..until_ns).contains(&plan.stamp_mono_ns)
+    });
     Followed {
         given_at: change.given_at,
-        took_ms,
-        lead_ms,
+        others: others.map(said_of).collect(),
+        took_ms: first.map_or(f64::INFINITY, |(first_ns, _)| ms(first_ns)),
+        lead_ms: first.map_or(f64::INFINITY, |(_, motion)| ms(motion.begin_mono_ns)),
+        stages_ns: plan.map(|plan| plan.report.stages_ns),
     }
+}
+
+/// Outcome and reason of a plan.
+fn said_of(plan: &PlanRecord) -> String {
+    let outcome = Outcome::try_from(plan.report.outcome);
+    let outcome = outcome.map_or("unknown", Outcome::text);
+    format!("{outcome}: {}", plan.report.reason.text())
 }
 
 fn show(report: &mut Report, goals: &[Followed], stolen: &StolenTimes) {
@@ -171,6 +193,34 @@ fn show(report: &mut Report, goals: &[Followed], stolen: &StolenTimes) {
         let what = format!("time until or of: {name}");
         report.shown(&line(&what), quantiles_text(&times_ms));
     }
+    show_stages(report, &line, goals);
     let took_ms: Vec<(Instant, f64)> = goals.iter().map(|it| (it.given_at, it.took_ms)).collect();
     show_windows(report, &line, &took_ms, stolen);
+}
+
+/// Shows the stages of the plans that were followed, of all and of the slowest.
+fn show_stages(report: &mut Report, line: &dyn Fn(&str) -> String, goals: &[Followed]) {
+    let mut of_stages: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for (name, took_ms) in goals
+        .iter()
+        .filter_map(|it| it.stages_ns.as_ref())
+        .flat_map(stages_ms)
+    {
+        of_stages.entry(name).or_default().push(took_ms);
+    }
+    for (name, times_ms) in of_stages {
+        let what = format!("time of: {name}, of {} plans", times_ms.len());
+        report.shown(&line(&what), quantiles_text(&times_ms));
+    }
+    let mut slowest: Vec<&Followed> = goals.iter().collect();
+    slowest.sort_by(|a, b| b.took_ms.total_cmp(&a.took_ms));
+    for goal in slowest.into_iter().take(SLOWEST) {
+        let stages = goal.stages_ns.as_ref().map(stages_text);
+        let stages = stages.unwrap_or_else(|| "no record".to_owned());
+        let figure = format!(
+            "{:.2} ms: lead {:.2}; {stages}; other plans meanwhile: {:?}",
+            goal.took_ms, goal.lead_ms, goal.others
+        );
+        report.shown(&line("one of the slowest, ms"), figure);
+    }
 }

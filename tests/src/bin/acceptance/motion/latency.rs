@@ -5,13 +5,10 @@ use tests::world::Settings;
 use super::figures::Figures;
 use super::joins::what_was_asked;
 use super::replan_run::{Population, run as replan};
-use super::windows::{WINDOWS, quantiles_text, show_windows};
+use super::windows::{SLOWEST, WINDOWS, quantiles_text, show_windows};
 use crate::report::Report;
 use crate::scale::Scale;
 use crate::stolen::StolenTimes;
-
-/// Slowest replans that are shown one by one.
-const SLOWEST: usize = 8;
 
 /// Replans in general scenes with ten candidates, at the shipped limits.
 pub(super) fn run(report: &mut Report, scale: Scale) {

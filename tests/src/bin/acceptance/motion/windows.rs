@@ -8,6 +8,8 @@ use crate::stolen::StolenTimes;
 
 /// Windows of which the one with the least share of stolen time counts.
 pub(super) const WINDOWS: usize = 5;
+/// Slowest times that are shown one by one.
+pub(super) const SLOWEST: usize = 8;
 
 /// One window's goals, in order.
 struct Window {
