@@ -9,6 +9,10 @@ use crate::motion::raise;
 
 /// Looks at the limits in each segment.
 const LOOKS_AT_LIMITS: usize = 100;
+/// A speed below this share of a motion's own peak, between its begin and its end, is a stop.
+const STOP_SHARE: f64 = 1e-3;
+/// Looks at the speed in each segment.
+const LOOKS_AT_SPEED: usize = 400;
 /// Where the body is nearer than this to a ball, it is looked at again each time that no point of it has moved farther, m.
 const FINEST_MOVE_M: f64 = 1e-4;
 
@@ -120,6 +124,38 @@ pub fn states(knots: &[Knot], looks: usize) -> impl Iterator<Item = [Configurati
     });
     let end = knots.last().map(|knot| [knot.values[0], knot.values[1]]);
     within.chain(end)
+}
+
+/// How far a motion slows down between its begin and its end.
+#[derive(Clone, Copy, Debug)]
+pub struct Stops {
+    /// Times at which it stands still: its speed is below a thousandth of its own peak.
+    pub count: usize,
+    /// The least speed at which it slows down and then goes faster again ÷ its peak; 1 where it does not.
+    pub least_speed: f64,
+}
+
+/// Looks for stops on the way.
+#[must_use]
+pub fn stops_between(knots: &[Knot]) -> Stops {
+    let speed = |[_, velocity]: [Configuration; 2]| velocity.iter().map(|v| v * v).sum::<f64>();
+    let speeds: Vec<f64> = states(knots, LOOKS_AT_SPEED)
+        .map(|state| speed(state).sqrt())
+        .collect();
+    let peak = speeds.iter().copied().fold(0.0, f64::max);
+    let stands = |speed: &f64| *speed < STOP_SHARE * peak;
+    let begin = speeds.iter().position(|it| !stands(it)).unwrap_or(0);
+    let end = speeds.iter().rposition(|it| !stands(it)).unwrap_or(0);
+    let between = speeds.get(begin..=end).unwrap_or(&[]);
+    let begun = between
+        .windows(2)
+        .filter(|pair| !stands(&pair[0]) && stands(&pair[1]));
+    let dips = between.windows(3);
+    let dips = dips.filter(|dip| dip[1] <= dip[0] && dip[1] <= dip[2]);
+    Stops {
+        count: begun.count(),
+        least_speed: dips.map(|dip| dip[1]).fold(peak, f64::min) / peak,
+    }
 }
 
 /// Largest tendon velocity, acceleration and jerk that are found, over their limits.

@@ -37,7 +37,7 @@ pub struct Heard {
     pub motions: Vec<Published>,
     /// How the motions ended that the controller has received.
     pub results: Vec<MotionResult>,
-    /// The daemon's plans, whole or not, each with its request.
+    /// The daemon's plans, each with its request, where they are heard.
     pub plans: Vec<PlanRecord>,
 }
 
@@ -97,9 +97,19 @@ impl Listener {
     /// Begins to listen; nobody needs to run yet.
     #[must_use]
     pub fn start(options: &IpcOptions) -> Self {
+        Self::start_with(options, false)
+    }
+
+    /// The same, with the daemon's plans.
+    #[must_use]
+    pub fn start_with_plans(options: &IpcOptions) -> Self {
+        Self::start_with(options, true)
+    }
+
+    fn start_with(options: &IpcOptions, hears_plans: bool) -> Self {
         let (heard, quit) = (Arc::<Mutex<Heard>>::default(), Arc::<AtomicBool>::default());
         let (options, shared, stop) = (options.clone(), Arc::clone(&heard), Arc::clone(&quit));
-        let thread = thread::spawn(move || listen(&options, &shared, &stop));
+        let thread = thread::spawn(move || listen(&options, hears_plans, &shared, &stop));
         Self {
             heard,
             quit,
@@ -136,13 +146,14 @@ struct Ports {
     heart: Subscriber<Heartbeat>,
     motions: Subscriber<TrajectoryMessage>,
     results: Subscriber<MotionResult>,
-    plans: Subscriber<PlanRecord>,
+    plans: Option<Subscriber<PlanRecord>>,
     _node: IpcNode,
 }
 
 impl Ports {
-    fn open(options: &IpcOptions) -> Result<Self, IpcError> {
+    fn open(options: &IpcOptions, hears_plans: bool) -> Result<Self, IpcError> {
         let node = IpcNode::create(options, "test-listener")?;
+        let plans = || observer_subscriber(&node, &plan_record_service(&node)?);
         Ok(Self {
             setpoints: subscriber(&node, &setpoint_service(&node)?)?,
             robot: subscriber(&node, &robot_state_service(&node)?)?,
@@ -151,7 +162,7 @@ impl Ports {
             heart: subscriber(&node, &heartbeat_service(&node)?)?,
             motions: subscriber(&node, &trajectory_service(&node)?)?,
             results: subscriber(&node, &motion_result_service(&node)?)?,
-            plans: observer_subscriber(&node, &plan_record_service(&node)?)?,
+            plans: hears_plans.then(plans).transpose()?,
             _node: node,
         })
     }
@@ -176,8 +187,10 @@ impl Ports {
         while let Ok(Some(result)) = self.results.receive() {
             into.results.push(*result);
         }
-        while let Ok(Some(record)) = self.plans.receive() {
-            into.plans.push(*record);
+        if let Some(plans) = &self.plans {
+            while let Ok(Some(record)) = plans.receive() {
+                into.plans.push(*record);
+            }
         }
         while let Ok(Some(beat)) = self.heart.receive() {
             if beat.kind == ProcessKind::Daemon.code() {
@@ -187,8 +200,13 @@ impl Ports {
     }
 }
 
-fn listen(options: &IpcOptions, heard: &Mutex<Heard>, quit: &AtomicBool) -> Result<(), IpcError> {
-    let ports = Ports::open(options)?;
+fn listen(
+    options: &IpcOptions,
+    hears_plans: bool,
+    heard: &Mutex<Heard>,
+    quit: &AtomicBool,
+) -> Result<(), IpcError> {
+    let ports = Ports::open(options, hears_plans)?;
     // What is lost without it is counted by who looks at the numbers of the messages.
     let _ = use_fifo_priority(OF_A_WATCH);
     let mut fresh = Heard::default();

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use client::{Candidate, ClientError};
+use client::ClientError;
 use collision::{Ball as Obstacle, Scene};
 use datasets::scenes::{Setting, draw_target};
 use pcc_model::{Configuration, Point, Robot, UnitRobot};
@@ -12,7 +12,6 @@ use shared_types::message::Ball;
 use shared_types::valid::{Goal, PlanRequest};
 use trajectory::{Knot, stopping_motion};
 
-use crate::knots::largest_bending_rad;
 use crate::shortest_stop::shortest_stop_s;
 use crate::stack::{PATIENCE, Stack};
 
@@ -92,14 +91,9 @@ pub fn replan(tip_m: [f64; 3], balls: &[Ball], seed: u64) -> PlanRequest {
     }
 }
 
-/// Bending beyond the limit that is rounding, rad.
-const BENDING_ROUNDING_RAD: f64 = 1e-6;
-
 /// What stopping first costs.
 #[derive(Clone, Copy, Debug)]
 pub struct StopThenGo {
-    /// Whether a faster motion was left out, which bends further than a joined one may.
-    pub leaves_out_faster: bool,
     /// A lower bound of every stop within the limits: the time in which the slowest tendon can come to rest, s.
     pub least_stop_s: f64,
     /// The stop straight ahead that the planner knows, s.
@@ -139,22 +133,9 @@ pub fn stop_then_go(
         ..PlanRequest::new(stop.end().into(), Goal::Configuration(end))
     };
     let answer = stack.client.plan(&request, PATIENCE)?;
-    // From rest the daemon lets a motion bend a little beyond the limit, which no joined motion may.
-    let bending_limit_rad = robot.bending_limit + BENDING_ROUNDING_RAD;
-    let bends_within = |candidate: &Candidate| {
-        let knots: Vec<_> = candidate
-            .knots
-            .iter()
-            .map(crate::knots::Knot::from)
-            .collect();
-        largest_bending_rad(&knots) <= bending_limit_rad
-    };
-    let duration_s = |candidate: Candidate| candidate.summary.duration_s;
-    let within = answer.candidates().filter(bends_within);
-    let fastest = within.map(duration_s).fold(f64::INFINITY, f64::min);
-    let fastest_of_all = answer.candidates().map(duration_s);
+    let durations_s = answer.candidates().map(|it| it.summary.duration_s);
+    let fastest = durations_s.fold(f64::INFINITY, f64::min);
     Ok(StopThenGo {
-        leaves_out_faster: fastest_of_all.fold(f64::INFINITY, f64::min) < fastest,
         least_stop_s: least_stop_of_tendons_s(&stack.world.robot, state),
         stop_ahead_s: stop.duration(),
         rates: [velocity, acceleration],

@@ -134,7 +134,7 @@ fn lost_and_damaged_packets_are_borne_and_a_lost_line_is_a_fault() {
 #[test]
 fn replies_that_come_in_the_next_cycle_are_borne() {
     let _alone = alone();
-    let mut all = driven();
+    let mut all = ServoStack::driven(&Settings::default()).unwrap();
     let said_before = all.driver.log().len();
     all.bank
         .set(|faults| faults.late = Duration::from_millis(5));

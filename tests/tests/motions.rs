@@ -138,7 +138,7 @@ fn a_plan_is_executed_after_it_was_looked_at_unless_a_stop_comes_between() {
     let asked = PlannedExecution::now(plan_id, Some(1));
     let stop = Command::Stop.because("between request and execution");
     let _ = stack.controller.command(stop, PATIENCE).unwrap();
-    // Whoever knows of the stop first refuses it.
+    // The daemon refuses it where it has heard of the stop, else the controller.
     match execute_planned(&mut stack, asked) {
         Err(reason) => assert!(reason.contains("came after the request"), "{reason}"),
         Ok(id) => {

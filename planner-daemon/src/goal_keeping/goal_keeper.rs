@@ -7,7 +7,7 @@ use shared_types::codes::{CommandSender, GoalState, MotionOutcome, Outcome, Refu
 use shared_types::message::{GoalStatus, ReasonText};
 use shared_types::valid::{Goal, MotionResult, PlanRequest, PreviousPlan, StandingGoal};
 
-use super::kept_goal::{Heading, KeptGoal, PublishedMotion, Target};
+use super::kept_goal::{Heading, KeptGoal, PublishedMotion, Target, are_nearby};
 use crate::execution::{HeardOrders, RobotMotion, StopReason, Switch};
 use crate::tip_tolerance::tip_tolerance;
 
@@ -24,8 +24,6 @@ const WORTH_A_CHANGE: f64 = 0.9;
 /// For so long a motion from rest is followed before another one to a goal nearby may leave it, s: left again and again before it has gathered
 /// speed, the robot creeps.
 const GATHERS_SPEED_S: f64 = 0.15;
-/// Distance of goals nearby, section lengths.
-const NEARBY: f64 = 0.1;
 /// Share of a tip's tolerance within which a robot at rest stays where it is.
 const AT_REST_SHARE: f64 = 0.1;
 /// Difference from a goal configuration within which a robot at rest stays where it is, rad.
@@ -294,8 +292,10 @@ impl GoalKeeper {
         kept.note_plan(has_jumped, now_mono_ns + PERIOD_NS);
         kept.look_again_mono_ns = now_mono_ns + LOOK_AGAIN_NS;
         self.status.plan_count += 1;
-        // To where a goal has jumped another way may be faster, and the fastest is known sooner without what remains.
-        let previous = kept.previous_plan_id.filter(|_| !has_jumped);
+        if has_jumped {
+            // Another way may be faster, and the fastest is known sooner without what remains.
+            kept.previous_plan_id = None;
+        }
         Some(PlanRequest {
             seed: self.status.plan_count,
             candidate_count: CANDIDATES,
@@ -303,7 +303,7 @@ impl GoalKeeper {
             execute: true,
             limits_scale: target.limits_scale,
             requested_mono_ns: Some(requested_mono_ns),
-            previous: previous.map(|plan_id| PreviousPlan {
+            previous: kept.previous_plan_id.map(|plan_id| PreviousPlan {
                 plan_id,
                 candidate: None,
             }),
@@ -444,6 +444,9 @@ impl GoalKeeper {
             MotionOutcome::Refused | MotionOutcome::Stopped | MotionOutcome::SetAside => {}
         }
         // What was planned last does not bring the robot there any more. Where the controller refuses again and again, there is no hurry.
+        if was_refused {
+            kept.previous_plan_id = None;
+        }
         if !(was_refused && kept.was_refused) {
             kept.last_planned_for = None;
             if result.refusal == Refusal::SwitchMissed {
@@ -478,21 +481,6 @@ fn gathers_speed(robot: &RobotMotion, now_mono_ns: i64) -> bool {
     };
     let began_at_rest = followed.motion.knots()[0].velocity == Configuration::zeros();
     began_at_rest && !followed.is_blocked && followed.latest_s(now_mono_ns) < GATHERS_SPEED_S
-}
-
-/// Whether two goals are tips near to each other.
-fn are_nearby(a: &Goal, b: &Goal, robot: &UnitRobot) -> bool {
-    let (
-        Goal::Tip {
-            position_m: from, ..
-        },
-        Goal::Tip { position_m: to, .. },
-    ) = (*a, *b)
-    else {
-        return false;
-    };
-    let [from, to] = [from, to].map(|it| robot.point_in_section_lengths(it));
-    (from - to).norm() <= NEARBY
 }
 
 #[cfg(test)]

@@ -1,11 +1,17 @@
 //! The goal that counts, and the motions to it.
 
+use pcc_model::{Configuration, UnitRobot};
 use shared_types::valid::{Goal, StandingGoal};
 
 use super::moving_target::Anticipation;
 
 /// Longest wait of a robot at rest for the result of its motion, which may be lost, nanoseconds.
 const RESULT_WAIT_NS: i64 = 100_000_000;
+
+/// Distance of tips nearby, section lengths.
+const NEARBY: f64 = 0.1;
+/// Distance of configurations nearby, rad: where one section bends so much further, its own end moves by half as many section lengths.
+const NEARBY_RAD: f64 = 0.1;
 
 /// A motion that was published for the goal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,5 +140,19 @@ impl KeptGoal {
         self.headings.clear();
         self.last_planned_for = None;
         false
+    }
+}
+
+/// Whether two goals are tips or configurations near to each other.
+pub(super) fn are_nearby(a: &Goal, b: &Goal, robot: &UnitRobot) -> bool {
+    match (*a, *b) {
+        (Goal::Configuration(a), Goal::Configuration(b)) => {
+            (Configuration::from(a) - Configuration::from(b)).norm() <= NEARBY_RAD
+        }
+        (Goal::Tip { position_m: a, .. }, Goal::Tip { position_m: b, .. }) => {
+            let [a, b] = [a, b].map(|it| robot.point_in_section_lengths(it));
+            (a - b).norm() <= NEARBY
+        }
+        _ => false,
     }
 }

@@ -117,7 +117,7 @@ mod tests {
     use super::*;
     use crate::fixtures::{request, straight_problem, unit_robot};
     use pcc_model::Configuration;
-    use planning::{Models, StartMotion};
+    use planning::{Models, PreviousPlan, StartMotion};
     use std::thread::sleep;
 
     fn idle() -> IdleWarmUp {
@@ -162,7 +162,16 @@ mod tests {
             idle.run_if_due(later(&idle));
             assert!(idle.running.is_none());
         }
-        idle.give_way(&problem, &in_motion(Sampler::Default), false);
+        let goes_on = Request {
+            previous: Some(Arc::new(PreviousPlan {
+                paths: Vec::new(),
+                followed: None,
+            })),
+            ..in_motion(Sampler::Default)
+        };
+        idle.give_way(&problem, &goes_on, false);
+        let (_, request) = idle.last_in_motion.as_ref().unwrap();
+        assert!(request.previous.is_none());
         idle.run_if_due(idle.planned + INTERVAL / 2);
         assert!(idle.running.is_none(), "the workers have just planned");
         idle.run_if_due(later(&idle));

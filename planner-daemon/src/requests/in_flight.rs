@@ -61,15 +61,13 @@ impl Queued {
 
     /// What decides how long it takes until its motion can be executed, which may be before the plan is complete.
     pub(super) fn kind(&self, selects_early: bool) -> PlanKind {
-        let has_segments = selects_early && self.task.request.sampler == Sampler::Default;
         PlanKind {
             sampler: self.task.request.sampler,
             has_several_goals: self.task.has_several_goals(),
-            work: match (&self.asker, has_segments) {
-                (Asker::Client(_), true) => Work::StraightSegments,
-                (Asker::GoalKeeper(_), true) => Work::StraightSegmentsToKeptGoal,
-                (Asker::Client(_), false) => Work::WholePlan,
-                (Asker::GoalKeeper(_), false) => Work::WholePlanToKeptGoal,
+            work: match (&self.asker, self.task.request.sampler) {
+                (_, Sampler::Default) if selects_early => Work::StraightSegments,
+                (Asker::GoalKeeper(_), _) => Work::WholePlanToKeptGoal,
+                (Asker::Client(_), _) => Work::WholePlan,
             },
         }
     }

@@ -33,8 +33,6 @@ pub(crate) enum Work {
     WholePlanToKeptGoal,
     /// Straight segments are joined to the motion that is left, of which the fastest motion mostly is one.
     StraightSegments,
-    /// The same to the goal that stays.
-    StraightSegmentsToKeptGoal,
     /// The fastest segment alone is joined again, where the switch has come too near meanwhile.
     SegmentAgain,
     /// The fastest path alone is joined again, likewise.
@@ -66,7 +64,7 @@ impl Work {
     /// Other work, by the first of which that was done it is foreseen as long as it was not done itself: longer work, or what is most of it.
     fn foreseen_by(self) -> &'static [Self] {
         match self {
-            Self::SegmentAgain | Self::StraightSegmentsToKeptGoal => &[Self::StraightSegments],
+            Self::SegmentAgain => &[Self::StraightSegments],
             Self::PlanningAnew => &[Self::WholePlan],
             Self::PathAgain
             | Self::PathAgainAndPlanningAnew
@@ -84,11 +82,6 @@ impl Work {
                 exceptional: 8,
                 margin: 1.05,
                 to_the_loop: Duration::from_micros(2_000),
-            },
-            Self::StraightSegmentsToKeptGoal => Foresight {
-                exceptional: 2,
-                margin: 1.05,
-                to_the_loop: EARLY_TO_THE_LOOP,
             },
             Self::StraightSegments => Foresight {
                 exceptional: 4,
@@ -220,7 +213,6 @@ mod tests {
             Work::WholePlan,
             Work::WholePlanToKeptGoal,
             Work::StraightSegments,
-            Work::StraightSegmentsToKeptGoal,
             Work::SegmentAgain,
             Work::PathAgain,
             Work::PathAgainAndPlanningAnew,

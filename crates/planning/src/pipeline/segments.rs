@@ -113,7 +113,8 @@ impl Joining<'_> {
             outcome: Ok(known.from_rest.certified()),
             ..known.draw.clone()
         };
-        let straight_s = self.straight_s(&goals[index])?;
+        let straight_s = self.straight_s(&goals[index]);
+        let straight_s = straight_s.unwrap_or(known.straight_s);
         self.joined(index, from_rest, straight_s).ok()
     }
 

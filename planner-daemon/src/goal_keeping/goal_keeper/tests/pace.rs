@@ -84,6 +84,37 @@ fn a_goal_that_jumps_is_planned_for_at_once_but_not_again_and_again() {
 }
 
 #[test]
+fn a_goal_that_has_jumped_is_planned_for_afresh_until_a_motion_to_it_is_published() {
+    let configuration_at = |bend: f64, stamp: i64| StandingGoal {
+        stamp_mono_ns: GIVEN + stamp,
+        ..given(GIVEN, configuration(bend))
+    };
+    for at in [tip_at as fn(f64, i64) -> StandingGoal, configuration_at] {
+        let mut bench = Bench::new();
+        bench.give(at(1.0, 0));
+        bench.heads(&holding(), 7);
+        let mut goes_on = |stamp: i64, x: f64, becomes: Option<u32>| {
+            bench.give(at(x, stamp));
+            let request = bench.after(100, &following(7)).unwrap();
+            match becomes {
+                Some(id) => bench.publish(id),
+                None => bench.keeper.hear_plan(&failed(Outcome::NoPath, "")),
+            }
+            request.previous.is_some()
+        };
+        assert!(goes_on(1, 1.02, Some(8)));
+        assert!(!goes_on(2, -1.0, None));
+        assert!(!goes_on(3, -1.01, Some(9)), "the plan to the place before");
+        assert!(goes_on(4, -1.02, Some(10)));
+        bench
+            .keeper
+            .hear_result(&refused(10, Refusal::SwitchMissed));
+        let request = bench.after(100, &following(9)).unwrap();
+        assert_eq!(request.previous, None, "nobody follows it");
+    }
+}
+
+#[test]
 fn a_motion_that_came_after_its_switch_is_planned_again_at_once_but_once() {
     let mut bench = Bench::underway();
     bench.give(StandingGoal {

@@ -9,7 +9,7 @@ use shared_types::codes::{LoopFault, LoopState, MotionOutcome, Stage};
 use shared_types::message::Cycle;
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::judge::Verdict;
-use tests::knots::{largest_bending_rad, least_clearance_m, limit_use, state_at};
+use tests::knots::{largest_bending_rad, least_clearance_m, limit_use, state_at, stops_between};
 use tests::listener::{Heard, Published};
 use tests::motion::raise;
 use tests::replans::StopThenGo;
@@ -62,8 +62,8 @@ pub(super) struct Figures {
     /// From a request in motion to the first set-point of the motion that joins another, ms, infinite where it is refused or not begun, with the
     /// time at which it was asked for.
     pub(super) to_setpoint_ms: Vec<(Instant, f64)>,
-    /// Times until the first set-point of replans that were begun, ms, with the lead and the stages of each in words.
-    pub(super) begun_ms: Vec<(f64, String)>,
+    /// Replans that were begun: time until the first set-point and lead, ms, and the stages in words.
+    pub(super) begun: Vec<(f64, f64, String)>,
     /// Refusals in motion by cause.
     pub(super) refusals: BTreeMap<String, usize>,
     /// Refusals at rest by cause: no replans.
@@ -85,8 +85,8 @@ pub(super) struct Figures {
     pub(super) chosen_again: BTreeMap<String, usize>,
     /// Ends of begun joined motions other than reached or joined by another.
     pub(super) ended_otherwise: Vec<String>,
-    /// References of which faster motions were left out, since they bend further than a joined motion may.
-    pub(super) references_left_out: usize,
+    /// Begun joined motions that stand still between their begin and their end: each wins nothing.
+    pub(super) stopped_between: usize,
     /// Largest difference at a switch, rad, rad/s, rad/s².
     pub(super) discontinuity: [f64; 3],
     limits_of_file: [f64; 3],
@@ -185,13 +185,7 @@ impl Figures {
         }
         for motion in heard.motions.iter().filter(|it| it.leaves.is_some()) {
             let asked = self.published.get(&motion.id);
-            let asked = asked.map(|it| {
-                (
-                    it.asked.at,
-                    it.asked.mono_ns,
-                    stages_text(&it.asked.stages_ns),
-                )
-            });
+            let asked = asked.map(|it| (it.asked.at, it.asked.mono_ns, it.asked.stages_ns));
             let Some(first_ns) = first_followed(&heard.cycles, motion.id) else {
                 let never = asked.map(|(at, ..)| (at, f64::INFINITY));
                 self.to_setpoint_ms.extend(never);
@@ -208,12 +202,11 @@ impl Figures {
             self.note_end(motion.id, heard);
             let ms = |from_ns: i64, to_ns: i64| (to_ns - from_ns) as f64 * 1e-6;
             let switch_ns = motion.begin_mono_ns;
-            if let Some((at, mono_ns, stages)) = asked {
+            if let Some((at, mono_ns, stages_ns)) = asked {
                 let took_ms = ms(mono_ns, first_ns);
                 self.to_setpoint_ms.push((at, took_ms));
                 let lead_ms = ms(mono_ns, switch_ns);
-                self.begun_ms
-                    .push((took_ms, format!("lead {lead_ms:.2}; {stages}")));
+                self.begun.push((took_ms, lead_ms, stages_text(&stages_ns)));
                 self.note_ms("lead, from the goal to the switch", lead_ms);
             }
             self.note_ms("switch to first set-point", ms(switch_ns, first_ns));
@@ -314,6 +307,10 @@ impl Figures {
                 1e3 * (shortest_s + go_s - duration_s)
             ));
         }
+        if stops_between(&motion.knots).count > 0 {
+            self.stopped_between += 1;
+            won = won.min(0.0);
+        }
         self.later_truncated += usize::from(is_truncated && is_later(&won));
         self.won.push(won);
         self.won_ahead.push(share(reference.stop_ahead_s));
@@ -344,7 +341,7 @@ pub(super) fn stages_ms(stages_ns: &[u64; STAGES]) -> impl Iterator<Item = (&'st
         .map(move |stage| (stage.text(), took_ms(stage)))
 }
 
-/// The same in words.
+/// The time of each stage of a plan in words, ms.
 pub(super) fn stages_text(stages_ns: &[u64; STAGES]) -> String {
     let stages = stages_ms(stages_ns).map(|(name, took_ms)| format!("{name} {took_ms:.2}"));
     stages.collect::<Vec<_>>().join(", ")

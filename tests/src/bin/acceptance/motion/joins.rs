@@ -62,7 +62,7 @@ pub(super) fn what_was_asked(
     let counts = format!(
         "{} requests found the robot in motion, by the cycle at that time, of {} in all (ten candidates, deadline 1 s; tips of configurations with \
          room; the next one after no time to the whole motion); {} motions joined another, {} of them were begun, {} began at rest, since it had \
-         come to rest meanwhile; {} were planned again for a missed switch, of these the switch was chosen again before they were published: {:?}; \
+         come to rest meanwhile; {} were planned again for a missed switch; the switch was chosen again before anything was published, by what was then to be done: {:?}; \
          refused in motion: {:?}; refused at rest: {:?}; {} scenes in which the robot had room, of {} drawn",
         figures.in_motion,
         figures.requests,
@@ -156,13 +156,12 @@ fn wins(report: &mut Report, name: &str, figures: &Figures) {
     };
     let later = won.iter().filter(|won| is_later(won)).count();
     let figure = format!(
-        "median {:.3}, p10 {:.3}, p90 {:.3} of the shortest stop (of {} references faster motions were left out, which bend further than a joined one \
-         may), by the time in which the slowest tendon can come to rest, which is a lower \
+        "median {:.3}, p10 {:.3}, p90 {:.3} of the shortest stop ({} motions that stop on their way count 0), by the time in which the slowest tendon can come to rest, which is a lower \
          bound, and by a linear program where that is too short; by the planner's own stop straight ahead median {:.3}; {} compared, {} begun at rest or not at all and {refused} refused count 0",
         at(0.5),
         at(0.1),
         at(0.9),
-        figures.references_left_out,
+        figures.stopped_between,
         median(&figures.won_ahead),
         figures.won_ahead.len(),
         figures.won.len() - figures.won_ahead.len(),

@@ -5,7 +5,7 @@ use tests::world::Settings;
 use super::figures::Figures;
 use super::joins::what_was_asked;
 use super::replan_run::{Population, run as replan};
-use super::windows::{SLOWEST, WINDOWS, quantiles_text, show_windows};
+use super::windows::{WINDOWS, quantiles_text, show_slowest, show_windows};
 use crate::report::Report;
 use crate::scale::Scale;
 use crate::stolen::StolenTimes;
@@ -39,12 +39,7 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
         "> 0",
         figures.switched > 0,
     );
-    let mut begun_ms = figures.begun_ms.clone();
-    begun_ms.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for (took_ms, text) in begun_ms.iter().take(SLOWEST) {
-        let figure = format!("{took_ms:.2} ms: {text}");
-        report.shown(&line("one of the slowest, ms"), figure);
-    }
+    show_slowest(report, &line, figures.begun.clone());
     let mut to_setpoint_ms = figures.to_setpoint_ms.clone();
     to_setpoint_ms.sort_by_key(|(at, _)| *at);
     show_windows(report, &line, &to_setpoint_ms, stolen);

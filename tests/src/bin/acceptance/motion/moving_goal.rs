@@ -164,7 +164,8 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
                 "goals, moving: {}: mean tip error ÷ that of the best arm that stops to replan",
                 target.name
             );
-            report.at_most(&what, kept.mean_error_m / best, 0.5);
+            let best_m = if best.is_finite() { best } else { f64::NAN };
+            report.at_most(&what, kept.mean_error_m / best_m, 0.5);
             let line = |what: &str| format!("{name}: {what}");
             within_limits(report, &line, &kept.sent);
             no_offences(report, &line, &kept.sent);

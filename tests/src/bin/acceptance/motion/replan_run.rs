@@ -214,7 +214,6 @@ fn references(
             continue;
         }
         let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
-        figures.references_left_out += usize::from(reference.leaves_out_faster);
         if let Some((lead_s, at_request)) = when_asked(motion, heard, figures) {
             let reference = stop_then_go(stack, &at_request, last.values[0], &scene.balls, seed)?;
             figures.compare_from_the_request(motion, &reference, lead_s);

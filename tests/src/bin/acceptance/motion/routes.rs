@@ -9,7 +9,7 @@ use shared_types::valid::{Goal, PlanRequest};
 use tests::brute_force::Body;
 use tests::geometry::seeded;
 use tests::judge::SENT_USE;
-use tests::knots::{Knot, limit_use, states};
+use tests::knots::{Knot, limit_use, states, stops_between};
 use tests::motion::raise;
 use tests::passages::{Position, passages};
 use tests::replans::random_configuration;
@@ -29,10 +29,6 @@ const TIPS: usize = 5;
 const CANDIDATES: usize = 10;
 /// Distance from a tip that counts as passed where a request does not say, m: a hundredth of the unit robot's section length.
 pub(super) const TIP_TOLERANCE_M: f64 = 0.01;
-/// A speed below this share of the motion's own peak, between its begin and its end, is a stop.
-const STOP_SHARE: f64 = 1e-3;
-/// Looks at the speed in each segment.
-const LOOKS_AT_SPEED: usize = 400;
 /// Looks at the tip in each segment.
 const LOOKS_AT_TIP: usize = 40;
 
@@ -179,20 +175,9 @@ impl Figures {
     }
 
     fn look_at_speed(&mut self, knots: &[Knot]) {
-        let speed = |[_, velocity]: [[f64; 6]; 2]| velocity.iter().map(|v| v * v).sum::<f64>();
-        let speeds: Vec<f64> = states(knots, LOOKS_AT_SPEED)
-            .map(|state| speed(state).sqrt())
-            .collect();
-        let peak = speeds.iter().copied().fold(0.0, f64::max);
-        let stands = |speed: &f64| *speed < STOP_SHARE * peak;
-        let begin = speeds.iter().position(|it| !stands(it)).unwrap_or(0);
-        let end = speeds.iter().rposition(|it| !stands(it)).unwrap_or(0);
-        let between = &speeds[begin..=end];
-        self.stops += between
-            .windows(2)
-            .filter(|pair| !stands(&pair[0]) && stands(&pair[1]))
-            .count();
-        self.least_speeds.push(least_between(between) / peak);
+        let stops = stops_between(knots);
+        self.stops += stops.count;
+        self.least_speeds.push(stops.least_speed);
     }
 
     fn look_at_limits(&mut self, stack: &Stack, body: &Body, knots: &[Knot]) {
@@ -218,15 +203,6 @@ impl Figures {
             })
             .collect()
     }
-}
-
-/// The least speed at which a motion slows down and then goes faster again; its peak where it does not.
-fn least_between(speeds: &[f64]) -> f64 {
-    let peak = speeds.iter().copied().fold(0.0, f64::max);
-    let dips = speeds.windows(3);
-    dips.filter(|dip| dip[1] <= dip[0] && dip[1] <= dip[2])
-        .map(|dip| dip[1])
-        .fold(peak, f64::min)
 }
 
 fn show(report: &mut Report, figures: &Figures) {

@@ -9,7 +9,7 @@ use crate::stolen::StolenTimes;
 /// Windows of which the one with the least share of stolen time counts.
 pub(super) const WINDOWS: usize = 5;
 /// Slowest times that are shown one by one.
-pub(super) const SLOWEST: usize = 8;
+const SLOWEST: usize = 8;
 
 /// One window's goals, in order.
 struct Window {
@@ -48,6 +48,19 @@ impl Window {
 pub(super) fn quantiles_text(times_ms: &[f64]) -> String {
     let [median, p90, p99] = [0.5, 0.9, 0.99].map(|share| quantile(times_ms, share));
     format!("median {median:.2}, p90 {p90:.2}, p99 {p99:.2} ms")
+}
+
+/// Shows the slowest: time until the first set-point and lead, ms, and what else is to be said of each.
+pub(super) fn show_slowest(
+    report: &mut Report,
+    line: &dyn Fn(&str) -> String,
+    mut each: Vec<(f64, f64, String)>,
+) {
+    each.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (took_ms, lead_ms, words) in each.into_iter().take(SLOWEST) {
+        let figure = format!("{took_ms:.2} ms: lead {lead_ms:.2}; {words}");
+        report.shown(&line("one of the slowest, ms"), figure);
+    }
 }
 
 /// Shows the times of all goals (when each was given, and ms until its first set-point) by windows, and holds the quietest, all
