@@ -165,9 +165,7 @@ fn a_plan_is_executed_after_it_was_looked_at_unless_a_stop_comes_between() {
     let reached = stack.commanded();
     assert!((reached - pcc_model::Configuration::from(end)).norm() < 1e-9);
     let asked = PlannedExecution::now(plan_id, Some(1));
-    let answer = stack.client.execute_planned(&asked, PATIENCE).unwrap();
-    assert_eq!(answer.report().outcome, Outcome::ExecutionRefused);
-    let reason = &answer.report().reason;
+    let reason = execute_planned(&mut stack, asked).unwrap_err();
     assert!(reason.contains("plan again"), "{reason}");
 }
 
