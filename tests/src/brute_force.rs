@@ -61,7 +61,7 @@ pub struct Body {
     section_lengths_m: [f64; 3],
     tube_radii_m: [f64; 3],
     /// Length change of each tendon, m, for a radian of each component.
-    tendon_rows_m: [[f64; 6]; 9],
+    pub(crate) tendon_rows_m: [[f64; 6]; 9],
 }
 
 /// The configuration that nine tendon lengths mean.

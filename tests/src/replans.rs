@@ -5,13 +5,14 @@ use std::time::Duration;
 use client::ClientError;
 use collision::{Ball as Obstacle, Scene};
 use datasets::scenes::{Setting, draw_target};
-use pcc_model::{Configuration, Point, Robot, UnitRobot};
+use pcc_model::{Configuration, Point, TendonLimits, UnitRobot};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use shared_types::message::Ball;
 use shared_types::valid::{Goal, PlanRequest};
 use trajectory::{Knot, stopping_motion};
 
+use crate::brute_force::{self, Body};
 use crate::shortest_stop::shortest_stop_s;
 use crate::stack::{PATIENCE, Stack};
 
@@ -99,7 +100,7 @@ pub struct StopThenGo {
     /// The stop straight ahead that the planner knows, s.
     pub stop_ahead_s: f64,
     /// Velocity and acceleration to stop from, rad/s and rad/s².
-    rates: [Configuration; 2],
+    rates: [brute_force::Configuration; 2],
     /// From where it ends to the goal configuration, s; none where the planner finds no motion.
     pub go_s: Option<f64>,
 }
@@ -136,9 +137,9 @@ pub fn stop_then_go(
     let durations_s = answer.candidates().map(|it| it.summary.duration_s);
     let fastest = durations_s.fold(f64::INFINITY, f64::min);
     Ok(StopThenGo {
-        least_stop_s: least_stop_of_tendons_s(&stack.world.robot, state),
+        least_stop_s: least_stop_of_tendons_s(&stack.world.body(), &robot.tendon_limits, state),
         stop_ahead_s: stop.duration(),
-        rates: [velocity, acceleration],
+        rates: [state.values[1], state.values[2]],
         go_s: fastest.is_finite().then_some(fastest),
     })
 }
@@ -146,25 +147,19 @@ pub fn stop_then_go(
 impl StopThenGo {
     /// The shortest stop within the limits, s.
     #[must_use]
-    pub fn shortest_stop_s(&self, robot: &Robot) -> f64 {
-        let [velocity, acceleration] = &self.rates;
+    pub fn shortest_stop_s(&self, body: &Body, limits: &TendonLimits) -> f64 {
         let between_s = [self.least_stop_s, self.stop_ahead_s];
-        shortest_stop_s(robot, velocity, acceleration, between_s)
+        shortest_stop_s(body, limits, &self.rates, between_s)
     }
 }
 
 /// The time in which the slowest tendon can come to rest from the state of a knot, s.
-fn least_stop_of_tendons_s(robot: &Robot, state: &crate::knots::Knot) -> f64 {
-    let limits = &robot.tendon_limits;
-    let [_, velocity, acceleration] = state.values.map(Configuration::from);
-    let pulled = |rates: &Configuration| {
-        let mut pulled = [0.0; 9];
-        robot
-            .tendons
-            .lengths(rates, &mut pulled[..robot.tendons.count()]);
-        pulled
-    };
-    let tendons = pulled(&velocity).into_iter().zip(pulled(&acceleration));
+fn least_stop_of_tendons_s(body: &Body, limits: &TendonLimits, state: &crate::knots::Knot) -> f64 {
+    let [_, velocity, acceleration] = &state.values;
+    let tendons = body
+        .tendons(velocity)
+        .into_iter()
+        .zip(body.tendons(acceleration));
     let stops = tendons.map(|(v, a)| least_stop_s([v, a], [limits.acceleration, limits.jerk]));
     stops.fold(0.0, f64::max)
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use pcc_model::{Robot, TendonLimits};
+use pcc_model::TendonLimits;
 use shared_types::capacity::STAGES;
 use shared_types::codes::{LoopFault, LoopState, MotionOutcome, Stage};
 use shared_types::message::Cycle;
@@ -285,7 +285,7 @@ impl Figures {
     /// shortest stop. Returns whether it is later than that, too.
     pub(super) fn compare(
         &mut self,
-        robot: &Robot,
+        (body, limits): (&Body, &TendonLimits),
         motion: &Published,
         reference: &StopThenGo,
         is_truncated: bool,
@@ -298,7 +298,7 @@ impl Figures {
         let share = |stop_s: f64| (stop_s + go_s - duration_s) / stop_s;
         let mut won = share(reference.least_stop_s);
         if is_later(&won) {
-            let shortest_s = reference.shortest_stop_s(robot);
+            let shortest_s = reference.shortest_stop_s(body, limits);
             won = share(shortest_s);
             self.stops_solved.push(format!(
                 "stop {:.5}, {shortest_s:.5}, {:.5} s: won {:.3} ms",

@@ -218,7 +218,8 @@ fn references(
             let reference = stop_then_go(stack, &at_request, last.values[0], &scene.balls, seed)?;
             figures.compare_from_the_request(motion, &reference, lead_s);
         }
-        if figures.compare(&stack.world.robot, motion, &reference, is_truncated) {
+        let of_robot = (&stack.world.body(), &stack.world.robot.tendon_limits);
+        if figures.compare(of_robot, motion, &reference, is_truncated) {
             let log = stack.process(Part::Daemon).log();
             let chosen_again = format!("plan {}: its switch was too near", motion.plan_id);
             let chosen_again = log.lines().find(|line| line.contains(&chosen_again));
