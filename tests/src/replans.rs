@@ -145,9 +145,9 @@ pub fn stop_then_go(
 }
 
 impl StopThenGo {
-    /// The shortest stop within the limits, s.
+    /// The least and the largest duration that the shortest stop within the limits may have, s.
     #[must_use]
-    pub fn shortest_stop_s(&self, body: &Body, limits: &TendonLimits) -> f64 {
+    pub fn shortest_stop_s(&self, body: &Body, limits: &TendonLimits) -> [f64; 2] {
         let between_s = [self.least_stop_s, self.stop_ahead_s];
         shortest_stop_s(body, limits, &self.rates, between_s)
     }

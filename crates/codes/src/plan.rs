@@ -95,8 +95,9 @@ codes! {
     pub enum Outcome {
         /// All candidates wanted are there.
         Ok = 0 "ok",
-        /// The deadline passed: fewer candidates than wanted, all of them certified.
-        Truncated = 1 "truncated by the deadline",
+        /// The deadline passed, or the motion was on its way and a request came for which it is left: fewer candidates than wanted, all of them
+        /// certified.
+        Truncated = 1 "truncated",
         /// The start bends more than the robot may.
         StartOutOfLimits = 2 "start out of limits",
         /// The body touches an obstacle at the start.

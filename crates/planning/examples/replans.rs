@@ -12,7 +12,7 @@ use denoiser::{FastModel, Manifest};
 use pcc_model::{Configuration, Robot, UnitRobot};
 use planning::{
     Candidate, EarlySelection, Goal, MOST_CORRECTIONS, Models, MovingObstacles, Plan, Planner,
-    Problem, Request, Sampler, StartMotion, Supervision, random_configuration,
+    Problem, Request, Sampler, StartMotion, Supervision, Told, random_configuration,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -31,9 +31,6 @@ const IN_A_SCENE: usize = 25;
 const SHORTEST_PAUSE_S: f64 = 0.06;
 /// Knots of a motion from rest.
 const KNOTS: usize = 96;
-/// Samples of a motion by which its bending is known, and the rounding of that, rad.
-const SAMPLES: usize = 1_000;
-const ROUNDING_RAD: f64 = 1e-9;
 /// Room of starts and targets beside the tube, section lengths.
 const ROOM: f64 = 0.1;
 
@@ -76,13 +73,6 @@ fn fastest(plan: &Plan) -> Option<&Candidate> {
 /// Whether a motion that won this share of a stop arrives later than after it, by more than rounding.
 fn is_later(won: f64) -> bool {
     won < -1e-6
-}
-
-/// Whether a motion bends no further than one that is joined in this state may: from rest a motion may bend a little beyond the limit.
-fn bends_within(robot: &UnitRobot, state: &Configuration, candidate: &Candidate) -> bool {
-    let most_rad = robot.limit_excess(state).max(0.0) + ROUNDING_RAD;
-    let sampled = candidate.trajectory.sample(SAMPLES);
-    sampled.iter().all(|q| robot.limit_excess(q) <= most_rad)
 }
 
 fn request(robot: &UnitRobot, seed: u64, start_motion: Option<StartMotion>) -> Request {
@@ -156,6 +146,7 @@ impl Chain<'_> {
             },
             selected: &|candidate| {
                 selected.get_or_init(|| (took_ms(), candidate));
+                Told::InTime
             },
         };
         let supervision = Supervision {
@@ -194,10 +185,7 @@ impl Chain<'_> {
         let stop = stopping_motion(&state, &robot.tendons, &robot.tendon_limits)?;
         let problem = self.problem(stop.end(), Goal::Configuration(best.end()));
         let request = request(robot, seed, None);
-        let mut reference = self.planner.plan(&problem, &request, &|| false)?;
-        reference
-            .candidates
-            .retain(|it| bends_within(robot, &state.position, it));
+        let reference = self.planner.plan(&problem, &request, &|| false)?;
         if let Some(go) = fastest(&reference) {
             let won_s = stop.duration() + go.metrics.duration_s - best.metrics.duration_s;
             let won = won_s / stop.duration();

@@ -49,7 +49,7 @@ pub use planner::Planner;
 pub use problem::{Goal, Problem, Via};
 pub use request::{
     CanBegin, EarlySelection, EndToMove, Guidance, PreviousPlan, Request, StartMotion, Supervision,
-    ToBeDone,
+    ToBeDone, Told,
 };
 pub use resources::Models;
 pub use search::edges::RrtSettings;

@@ -36,7 +36,7 @@ pub struct Problem {
     pub moving: MovingObstacles,
 }
 
-/// Bending above the limit that a start, and a motion from rest, may have, rad (docs/evaluation.md "Certified").
+/// Bending above the limit that a start may have, and a motion from rest through several goals, rad.
 ///
 /// A robot that ramped to rest by itself has left its path on the tangent: along the limit that is up to 7e-4 rad too
 /// far at the shipped robots' limits, and it must still get away from there.

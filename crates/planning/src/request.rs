@@ -143,6 +143,15 @@ impl ToBeDone {
 /// Whether the motions of a request can begin in a state.
 pub type CanBegin<'a> = dyn Fn(&Knot) -> bool + 'a;
 
+/// Whether a motion that was told can begin where it does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Told {
+    /// It can, or cannot for another reason than time.
+    InTime,
+    /// The state in which it begins has passed.
+    TooLate,
+}
+
 /// Has the fastest motion of a request that begins in motion before the others are joined to the motion that is left.
 #[derive(Clone, Copy)]
 pub struct EarlySelection<'a> {
@@ -150,9 +159,10 @@ pub struct EarlySelection<'a> {
     /// known, with what is to be done until it is: it may ask once whether the motions can begin in another state than before (its time is not read), and where they
     /// can, they do. Paths are moved by the way between the rests that the robot reaches from both, so that should be short.
     pub begin: &'a (dyn Fn(ToBeDone, &CanBegin) + Sync),
-    /// Called with the fastest candidate, once at most, by any worker, which should not be held for long: what remains of a motion that is
+    /// Called with the fastest candidate by any worker, which should not be held for long: what remains of a motion that is
     /// followed, where no other one is faster by a tenth. Motions that are joined later are not faster in general, which no bound proves.
-    pub selected: &'a (dyn Fn(Candidate) + Sync),
+    /// Where it comes too late, `begin` is asked once more, and it is told again, joined to where the motions then begin.
+    pub selected: &'a (dyn Fn(Candidate) -> Told + Sync),
 }
 
 impl<'a> Supervision<'a> {

@@ -12,7 +12,8 @@ use leaving::{LARGE, behind_a_ball, leaving, leaving_in, ways};
 use pcc_model::{Configuration, Point, SECTIONS};
 use planning::{
     Candidate, EarlySelection, Goal, Infeasible, MovingObstacles, PathMetrics, Plan, Planner,
-    PlannerError, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, select,
+    PlannerError, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, Told,
+    select,
 };
 use shipped::planner;
 use std::sync::Mutex;
@@ -158,7 +159,10 @@ fn the_fastest_motion_is_told_before_the_others_are_joined_whatever_the_number_o
                 let told = Mutex::new(Vec::new());
                 let early_selection = EarlySelection {
                     begin: &|_, _| (),
-                    selected: &|candidate| told.lock().unwrap().push(candidate),
+                    selected: &|candidate| {
+                        told.lock().unwrap().push(candidate);
+                        Told::InTime
+                    },
                 };
                 let answer = plan_selecting_early(planner, &moving, &in_motion, early_selection);
                 let told: Vec<Candidate> = told.into_inner().unwrap();
@@ -191,7 +195,7 @@ fn motions_begin_where_the_robot_is_once_paths_are_planned() {
         let (later, from_there) = fast(leaving(&then));
         let early_selection = EarlySelection {
             begin: &|_, can_begin| assert!(can_begin(&knot_at(&then))),
-            selected: &|_| (),
+            selected: &|_| Told::InTime,
         };
         let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
         assert_eq!(answer.candidates.len(), 10);
@@ -214,7 +218,10 @@ fn the_later_the_fastest_motion_is_known_the_more_is_to_be_done_for_it() {
         let (asked, told) = (Mutex::default(), Mutex::default());
         let early_selection = EarlySelection {
             begin: &|to_be_done, _| Vec::push(&mut asked.lock().unwrap(), to_be_done),
-            selected: &|candidate| Vec::push(&mut told.lock().unwrap(), candidate),
+            selected: &|candidate| {
+                Vec::push(&mut told.lock().unwrap(), candidate);
+                Told::InTime
+            },
         };
         plan_selecting_early(&planner, &moving, &in_motion, early_selection);
         assert_eq!(asked.into_inner().unwrap(), expected);
@@ -239,11 +246,41 @@ fn the_fastest_motion_is_joined_again_where_the_switch_was_too_near() {
                     assert!(can_begin(&then));
                 }
             },
-            selected: &|candidate| told.lock().unwrap().push(candidate),
+            selected: &|candidate| {
+                told.lock().unwrap().push(candidate);
+                Told::InTime
+            },
         };
         let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
         let told = told_of_ten(&planner, &moving.scene, &answer, told, &then);
         assert_no_later(&planner, &moving, &in_motion, &told);
+    }
+}
+
+#[test]
+fn a_motion_that_is_told_too_late_is_joined_again_and_told_once_more() {
+    let planner = planner(2);
+    let motion = rest_to_rest(&planner);
+    let state = motion.at(0.2);
+    let then = knot_at(&motion.at(0.204));
+    for ((moving, in_motion), _) in ways(&planner, &state) {
+        let (is_late, told) = (AtomicBool::new(false), Mutex::new(Vec::new()));
+        let early_selection = EarlySelection {
+            begin: &|to_be_done, can_begin| {
+                let is_late = is_late.load(Ordering::Relaxed);
+                assert!(!is_late || to_be_done.is_known() && can_begin(&then));
+            },
+            selected: &|candidate| {
+                if is_late.swap(true, Ordering::Relaxed) {
+                    told.lock().unwrap().push(candidate);
+                    return Told::InTime;
+                }
+                assert_eq!(candidate.trajectory.knots()[0], knot_at(&state));
+                Told::TooLate
+            },
+        };
+        let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
+        told_of_ten(&planner, &moving.scene, &answer, told, &then);
     }
 }
 
@@ -262,7 +299,7 @@ fn a_later_state_that_cannot_brake_leaves_the_plan_where_it_was() {
                 assert!(!can_begin(&rushing));
                 Vec::push(&mut asked.lock().unwrap(), to_be_done);
             },
-            selected: &|_| (),
+            selected: &|_| Told::InTime,
         };
         let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
         assert_eq!(asked.into_inner().unwrap(), expected);
@@ -290,6 +327,7 @@ fn an_interrupt_before_the_fastest_motion_is_planned_anew_leaves_the_known_one()
             },
             selected: &|_| {
                 told.fetch_add(1, Ordering::Relaxed);
+                Told::InTime
             },
         };
         let supervision = Supervision {
@@ -313,7 +351,10 @@ fn an_interrupt_leaves_out_all_but_the_motions_that_may_be_selected() {
     let is_interrupted = || is_told.load(Ordering::Relaxed);
     let early_selection = EarlySelection {
         begin: &|_, _| (),
-        selected: &|_| is_told.store(true, Ordering::Relaxed),
+        selected: &|_| {
+            is_told.store(true, Ordering::Relaxed);
+            Told::InTime
+        },
     };
     let supervision = Supervision {
         early_selection: Some(early_selection),
@@ -432,7 +473,10 @@ fn the_fastest_motion_is_joined_again_where_the_later_switch_was_too_near_as_wel
                     true => {}
                     false => assert!(can_begin(&later[0])),
                 },
-                selected: &|candidate| told.lock().unwrap().push(candidate),
+                selected: &|candidate| {
+                    told.lock().unwrap().push(candidate);
+                    Told::InTime
+                },
             };
             let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
             let begin = &later[usize::from(is_too_near)];

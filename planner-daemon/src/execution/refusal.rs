@@ -39,6 +39,11 @@ pub(crate) enum ExecutionRefusal {
     /// The place where it leaves the motion that is followed is too near or passed.
     #[error("switch missed: {}", place_of_leaving(*id, *ahead_s))]
     SwitchMissed { id: u32, ahead_s: f64 },
+    /// The controller has refused the motion: it had passed the switch when it took the motion in.
+    #[error(
+        "the controller has refused trajectory {id}: it had passed the place where that begins"
+    )]
+    NotBegun { id: u32 },
     /// The plan begins in a state in motion that its request stated.
     #[error(
         "the plan begins in motion in a given state; at rest, or on the robot's motion, is allowed"

@@ -259,11 +259,12 @@ impl GoalKeeper {
         })
     }
 
-    /// Whether the plan in work is to be given up now, since the goal is elsewhere. Of two plans one after the other one is not given up, so
-    /// that the robot comes on its way wherever a goal jumps.
-    pub(crate) fn overtakes(&mut self, now_mono_ns: i64) -> bool {
+    /// Whether the plan in work is to be given up now, since the goal is elsewhere. Of two plans without a motion one after the other one is
+    /// not given up, so that the robot comes on its way wherever a goal jumps.
+    pub(crate) fn overtakes(&mut self, has_motion: bool, now_mono_ns: i64) -> bool {
         let is_due = |kept: &KeptGoal| now_mono_ns >= kept.next_plan_mono_ns(true);
-        let is_planning = self.planned_for.is_some() && !self.is_overtaken && !self.was_overtaken;
+        let may_give_up = has_motion || !self.was_overtaken;
+        let is_planning = self.planned_for.is_some() && !self.is_overtaken && may_give_up;
         let overtakes = is_planning && self.has_jumped() && self.kept.as_ref().is_some_and(is_due);
         self.is_overtaken |= overtakes;
         overtakes

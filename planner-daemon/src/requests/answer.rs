@@ -174,6 +174,14 @@ impl Answer {
         (self.candidates.len() - learned) as u32
     }
 
+    /// Explains why it has fewer candidates than were asked for where its plan was broken off for another request.
+    pub(super) fn tell_that_it_made_way(&mut self) {
+        if self.outcome() == Some(Outcome::Truncated) {
+            let reason = "a request came for which its motion, which is on its way, is left: no more candidates were planned";
+            self.report.reason = ReasonText::new(reason);
+        }
+    }
+
     /// The selected candidate and its index.
     pub(crate) fn selected(&self) -> Option<(usize, &Candidate)> {
         let index = self.report.selected as usize;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use pcc_model::UnitRobot;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{GoalState, Outcome};
+use shared_types::codes::{self, GoalState, Outcome};
 use shared_types::ipc::{IpcError, IpcNode};
 use shared_types::message::{self, GoalStatus, ReasonText};
 use shared_types::valid::{Invalid, MotionResult, StandingGoal};
@@ -19,6 +19,15 @@ const STATUS_PERIOD_NS: i64 = 100_000_000;
 const LEAST_PERIOD_NS: i64 = 5_000_000;
 /// Most goals that do not count of which is still to be told.
 const MOST_REFUSED: usize = 16;
+
+/// What was heard that concerns motions under way.
+#[derive(Default)]
+pub(super) struct HeardOfMotions {
+    /// The motion that is to be stopped.
+    pub(super) stopped: Option<u32>,
+    /// Motions that the controller has refused, since it had passed their switch.
+    pub(super) not_begun: Vec<u32>,
+}
 
 /// The keeper of the goal that stays, its ports, and what was told last.
 pub(super) struct GoalExchange {
@@ -71,16 +80,16 @@ impl GoalExchange {
         });
     }
 
-    /// Hears goals and results of motions; returns the motion that is to be stopped, if any.
-    pub(super) fn hear(&mut self) -> Option<u32> {
-        let mut stopped = None;
+    /// Hears goals and results of motions.
+    pub(super) fn hear(&mut self) -> HeardOfMotions {
+        let mut heard = HeardOfMotions::default();
         for wire in self.ports.goals() {
             // The clock is read after the message came, which may be stamped this very moment.
             let before = self.keeper.status();
             let refused = match read(&wire, self.robot_hash, mono_now_ns()) {
                 Ok(goal) => match self.keeper.give(goal) {
                     Ok(stop) => {
-                        stopped = stop.or(stopped);
+                        heard.stopped = stop.or(heard.stopped);
                         let Some(status) = replaced_status(&before, &self.keeper.status()) else {
                             continue;
                         };
@@ -94,11 +103,16 @@ impl GoalExchange {
         }
         for wire in self.ports.results() {
             match MotionResult::try_from(&wire) {
-                Ok(result) => self.keeper.hear_result(&result),
+                Ok(result) => {
+                    self.keeper.hear_result(&result);
+                    let is_missed = result.refusal == codes::Refusal::SwitchMissed;
+                    let id = is_missed.then_some(result.values.trajectory_id);
+                    heard.not_begun.extend(id);
+                }
                 Err(error) => tracing::warn!("a motion's result is refused: {error}"),
             }
         }
-        stopped
+        heard
     }
 
     /// Publishes the status where it has changed, and now and then while there is a goal; changes of numbers alone, and words on goals that

@@ -18,9 +18,11 @@ use super::service::Service;
 impl Service {
     /// Hears goals, has what they want planned, and tells what becomes of them.
     pub(super) fn keep_goal(&mut self) {
-        if let Some(id) = self.goal.hear() {
+        let heard = self.goal.hear();
+        if let Some(id) = heard.stopped {
             self.execution.stop(id);
         }
+        self.make_again(&heard.not_begun);
         // In this order: the orders are those of the robot's state, or later ones.
         let robot = self.execution.robot_motion();
         self.goal.keeper.hear_orders(self.execution.heard_orders());
@@ -38,7 +40,10 @@ impl Service {
     fn give_up_overtaken_plan(&mut self, now_mono_ns: i64) {
         if let Some(in_flight) = &self.in_flight
             && matches!(in_flight.queued.asker, Asker::GoalKeeper(_))
-            && self.goal.keeper.overtakes(now_mono_ns)
+            && self
+                .goal
+                .keeper
+                .overtakes(in_flight.has_motion_on_its_way(), now_mono_ns)
         {
             in_flight.cancelled.store(true, Ordering::Relaxed);
         }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use planning::{EarlySelection, Planner, Problem, Request, Sampler, Supervision};
+use planning::{EarlySelection, Planner, Problem, Request, Sampler, Supervision, Told};
 
 use super::planned::{PlanError, guarded};
 
@@ -47,7 +47,10 @@ impl Run {
         };
         let early_selection = EarlySelection {
             begin: &|_, _| {},
-            selected: &|_| is_known.store(true, Ordering::Relaxed),
+            selected: &|_| {
+                is_known.store(true, Ordering::Relaxed);
+                Told::InTime
+            },
         };
         let supervision = Supervision {
             early_selection: Some(early_selection),

@@ -72,6 +72,12 @@ impl Queued {
         }
     }
 
+    /// Whether the motion that is followed is to be left for it, wherever that is.
+    pub(super) fn leaves_motion(&self) -> bool {
+        let task = &self.task;
+        task.requested_mono_ns.is_some() && task.starts_at_robot && !task.appends
+    }
+
     /// Whether its motion is to be executed before the plan is complete, where it begins in motion. The candidates of an early answer would
     /// begin elsewhere.
     pub(super) fn wants_early_selection(&self) -> bool {
@@ -99,6 +105,8 @@ pub(super) struct InFlight {
     pub(super) cancelled: Arc<AtomicBool>,
     /// What became of the motion that was to be executed before the plan was complete.
     pub(super) executed: Option<EarlyExecution>,
+    /// Whether it was broken off for a request that is to leave its motion.
+    pub(super) makes_way: bool,
 }
 
 /// How often a request has been planned, this time included, since its plans came too late.

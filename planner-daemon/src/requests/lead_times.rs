@@ -89,7 +89,7 @@ impl Work {
                 to_the_loop: EARLY_TO_THE_LOOP,
             },
             Self::PlanningAnew | Self::Joining | Self::JoiningAndPlanningAnew => Foresight {
-                exceptional: 32,
+                exceptional: 8,
                 margin: 1.1,
                 to_the_loop: EARLY_TO_THE_LOOP,
             },

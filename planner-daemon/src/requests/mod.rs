@@ -9,6 +9,7 @@ mod idle_warm_up;
 mod in_flight;
 mod late_switch;
 mod lead_times;
+mod motion_turn;
 mod plan_records;
 mod plan_runner;
 mod planned;

@@ -12,7 +12,8 @@ use std::time::{Duration, Instant};
 
 use pcc_model::UnitRobot;
 use planning::{
-    CanBegin, Candidate, EarlySelection, Planner, Problem, Request, Supervision, ToBeDone, Via,
+    CanBegin, Candidate, EarlySelection, Planner, Problem, Request, Supervision, ToBeDone, Told,
+    Via,
 };
 
 use super::idle_warm_up::IdleWarmUp;
@@ -23,7 +24,7 @@ use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
 
 /// Longest wait of a worker for what is done with a selected candidate or a plan.
-const LONGEST_WAIT: Duration = Duration::from_millis(10);
+const LONGEST_WAIT: Duration = Duration::from_millis(50);
 
 /// A planning job: problem, request and deadline.
 pub(crate) struct Job {
@@ -68,14 +69,21 @@ pub(crate) enum PlanOutput {
     Early(Vec<Candidate>),
     /// Where all candidates begin.
     Begins(LateBegin),
-    /// The fastest candidate.
+    /// The fastest candidate; once more where it came too late.
     Selected(Candidate, InWork),
     Plan(Planned, InWork),
 }
 
 /// Held while an output is handled. The worker that has sent it sleeps until this is dropped, at most [`LONGEST_WAIT`], because workers without
 /// work spin for some 30 µs before they sleep.
-pub(crate) struct InWork(#[expect(dead_code, reason = "dropped")] SyncSender<()>);
+pub(crate) struct InWork(SyncSender<Told>);
+
+impl InWork {
+    /// Tells the worker that its candidate came too late; returns whether it still waits for that.
+    pub(crate) fn is_too_late(&self) -> bool {
+        self.0.try_send(Told::TooLate).is_ok()
+    }
+}
 
 /// The planner with its output queue; it is idle or runs one job.
 pub(crate) struct PlanRunner {
@@ -103,10 +111,10 @@ impl OutputSender {
     }
 
     /// Sends an output, and waits until what is done with it is over.
-    fn send_and_wait(&self, output: impl FnOnce(InWork) -> PlanOutput) {
+    fn send_and_wait(&self, output: impl FnOnce(InWork) -> PlanOutput) -> Told {
         let (in_work, is_done) = sync_channel(1);
         self.send(output(InWork(in_work)));
-        let _ = is_done.recv_timeout(LONGEST_WAIT);
+        is_done.recv_timeout(LONGEST_WAIT).unwrap_or(Told::InTime)
     }
 }
 
@@ -114,8 +122,9 @@ impl PlanRunner {
     /// # Errors
     /// What the system says where there can be no more files.
     pub(crate) fn new(planner: Arc<Planner>, kind: PlannerKind) -> io::Result<Self> {
-        // Room for all outputs of a job (motions begin elsewhere four times at most), so that a worker never waits.
-        let (outgoing, outputs) = sync_channel(7);
+        // Room for all outputs of a job (its motion is told three times at most, and motions begin elsewhere six times), so that a worker never
+        // waits.
+        let (outgoing, outputs) = sync_channel(11);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
             idle: IdleWarmUp::new(Arc::clone(&planner)),
@@ -187,10 +196,15 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
             }
         }
     };
+    let came_too_late = AtomicBool::new(false);
     let begin = |to_be_done: ToBeDone, can_begin: &CanBegin| {
         let chosen = Instant::now();
         let choose = job.late_switch.as_ref();
         let switch = choose.and_then(|choose| choose(to_be_done, can_begin));
+        if switch.is_none() && came_too_late.load(Ordering::Relaxed) {
+            // No motion of this plan can begin any more.
+            job.cancelled.store(true, Ordering::Relaxed);
+        }
         if switch.is_some() || !to_be_done.is_known() {
             outgoing.send(PlanOutput::Begins(LateBegin {
                 switch,
@@ -202,7 +216,9 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
     let early_selection = EarlySelection {
         begin: &begin,
         selected: &|candidate| {
-            outgoing.send_and_wait(|in_work| PlanOutput::Selected(candidate, in_work));
+            let told = outgoing.send_and_wait(|in_work| PlanOutput::Selected(candidate, in_work));
+            came_too_late.store(told == Told::TooLate, Ordering::Relaxed);
+            told
         },
     };
     let supervision = Supervision {

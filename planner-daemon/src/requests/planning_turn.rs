@@ -1,19 +1,20 @@
 //! The turn of one request: its start, planning, execution, the answer.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use collision::SceneError;
 use planning::{Candidate, Problem};
 use shared_types::clock::{mono_now_ns, seconds};
-use shared_types::codes::{Outcome, PlanDependence, PlanField, Source};
+use shared_types::codes::{Outcome, PlanDependence, PlanField};
 
 use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
-use super::in_flight::{Attempt, EarlyExecution, InFlight, Queued};
+use super::in_flight::{Attempt, InFlight, Queued};
 use super::late_switch::{late_switch, until};
 use super::lead_times::{PlanKind, Work};
+use super::motion_turn::timed_goals;
 use super::plan_runner::{Early, Job, LateBegin, PlanOutput};
 use super::planned::Planned;
 use super::planner_kind::PlannerKind;
@@ -22,11 +23,7 @@ use super::refusal::Refusal;
 use super::request_validator::PlanTask;
 use super::robot_start::{NotReady, begin_at_robot};
 use super::service::Service;
-use crate::execution::{
-    ExecutionRefusal, ExecutionTiming, ExpectedBegin, RobotMotion, SelectedMotion, Switch,
-    TimedGoal,
-};
-use crate::goal_keeping::{PublishedMotion, Wanted};
+use crate::execution::{ExpectedBegin, RobotMotion};
 
 /// Longest delay of the begin of a motion to the goal that stays, s: the next plan is made sooner.
 const LONGEST_DELAY_TO_GOAL_S: f64 = 0.05;
@@ -153,6 +150,7 @@ impl Service {
             attempt,
             cancelled,
             executed: None,
+            makes_way: false,
         });
         true
     }
@@ -239,7 +237,9 @@ impl Service {
         match self.runner.take() {
             Some(PlanOutput::Early(candidates)) => self.answer_early(candidates),
             Some(PlanOutput::Begins(begin)) => self.begin_at(&begin),
-            Some(PlanOutput::Selected(candidate, _in_work)) => self.execute_early(&candidate),
+            Some(PlanOutput::Selected(candidate, in_work)) => {
+                self.execute_early(&candidate, &in_work);
+            }
             Some(PlanOutput::Plan(planned, _in_work)) => self.answer(planned),
             None => return false,
         }
@@ -281,35 +281,9 @@ impl Service {
             }
             in_flight.begin = PlanBegin::AtSwitch(switch);
             in_flight.begin_chosen = begin.chosen;
-            in_flight.kind = kind.map(|kind| PlanKind { work, ..kind });
+            let kind = in_flight.queued.kind(true);
+            in_flight.kind = Some(PlanKind { work, ..kind });
         }
-    }
-
-    /// Publishes the motion that is selected whatever the others will be; the plan goes on, unless it has to be made again.
-    fn execute_early(&mut self, candidate: &Candidate) {
-        let Some(mut in_flight) = self.in_flight.take() else {
-            return;
-        };
-        let Queued { asker, task, .. } = &in_flight.queued;
-        if asker.is_waiting() && is_deliverable(task, candidate, self.runner.robot()) {
-            let published = self.execute(&mut in_flight, Some(candidate));
-            self.note_foreign_motion(&in_flight, published.as_ref());
-            if let (Asker::GoalKeeper(_), Some(Ok(id))) = (&in_flight.queued.asker, &published) {
-                self.goal.keeper.hear_motion(PublishedMotion {
-                    trajectory_id: *id,
-                    duration_s: candidate.trajectory.duration(),
-                });
-            }
-            let made_again = published.as_ref().and_then(|it| in_flight.made_again(it));
-            if made_again.is_some() {
-                in_flight.cancelled.store(true, Ordering::Relaxed);
-            }
-            in_flight.executed = published.map(|published| EarlyExecution {
-                candidate: candidate.clone(),
-                published,
-            });
-        }
-        self.in_flight = Some(in_flight);
     }
 
     fn answer(&mut self, mut planned: Planned) {
@@ -328,6 +302,9 @@ impl Service {
             }
             (planned, _) => Answer::of_plan(task, planned, robot),
         };
+        if in_flight.makes_way {
+            answer.tell_that_it_made_way();
+        }
         answer.set_plan(plan_id, &in_flight.begin, in_flight.waited);
         answer.set_dependence(in_flight.depends_on, task.problem.start);
         let published = match in_flight.executed.take() {
@@ -339,7 +316,7 @@ impl Service {
         };
         if let Some(published) = published {
             if let Err(refusal) = &published
-                && let Some(attempt) = in_flight.made_again(&published)
+                && let Some(attempt) = in_flight.made_again(refusal)
             {
                 tracing::info!("plan {plan_id} is made again: {refusal}");
                 self.begin(in_flight.queued, attempt);
@@ -349,97 +326,6 @@ impl Service {
         }
         self.send(&mut answer, &in_flight.queued.asker);
         self.plans.keep(kept(&in_flight, answer));
-    }
-
-    /// Publishes the motion that an answer selects, if it is to be executed and wanted.
-    fn execute_answered(
-        &mut self,
-        in_flight: &mut InFlight,
-        answer: &Answer,
-    ) -> Option<Result<u32, ExecutionRefusal>> {
-        let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
-        let is_wanted = in_flight.queued.asker.is_waiting() && has_candidates;
-        if !is_wanted || answer.candidates.is_empty() {
-            return None;
-        }
-        let selected = answer.selected().map(|(_, candidate)| candidate);
-        let published = self.execute(in_flight, selected);
-        self.note_foreign_motion(in_flight, published.as_ref());
-        published
-    }
-
-    /// Publishes the selected motion, if it is to be executed.
-    fn execute(
-        &mut self,
-        in_flight: &mut InFlight,
-        selected: Option<&Candidate>,
-    ) -> Option<Result<u32, ExecutionRefusal>> {
-        let requested_mono_ns = in_flight.queued.task.requested_mono_ns?;
-        // Of its time nothing can be learned for other plans.
-        let is_moved_end = selected.is_some_and(|it| it.source == Source::MovedEnd);
-        if let (PlanBegin::AtSwitch(_), Some(kind), false) =
-            (in_flight.begin, in_flight.kind, is_moved_end)
-        {
-            self.lead_times.note(kind, in_flight.begin_chosen.elapsed());
-        }
-        let published = self.publish_selected(in_flight, selected, requested_mono_ns);
-        in_flight.took = in_flight.begin_chosen.elapsed();
-        Some(published)
-    }
-
-    fn publish_selected(
-        &self,
-        in_flight: &InFlight,
-        selected: Option<&Candidate>,
-        requested_mono_ns: i64,
-    ) -> Result<u32, ExecutionRefusal> {
-        let (leaves, begin_mono_ns) = in_flight.begin.to_execute()?;
-        if self.ends {
-            return Err(ExecutionRefusal::DaemonEnds);
-        }
-        let candidate = selected.ok_or(ExecutionRefusal::NothingSelected)?;
-        self.check_wanted(in_flight, leaves.as_ref(), candidate)?;
-        self.execution.publish(SelectedMotion {
-            motion: Arc::clone(&candidate.trajectory),
-            goals: timed_goals(&in_flight.queued.task, candidate),
-            leaves,
-            draw: candidate.draw,
-            plan_id: in_flight.plan_id,
-            is_replanned: matches!(in_flight.queued.asker, Asker::GoalKeeper(_)),
-            timing: ExecutionTiming {
-                requested_mono_ns,
-                begin_mono_ns,
-            },
-        })
-    }
-
-    /// Checks that a motion of a plan to the goal that stays is still wanted.
-    fn check_wanted(
-        &self,
-        in_flight: &InFlight,
-        leaves: Option<&Switch>,
-        candidate: &Candidate,
-    ) -> Result<(), ExecutionRefusal> {
-        if !matches!(in_flight.queued.asker, Asker::GoalKeeper(_)) {
-            return Ok(());
-        }
-        let duration_s = candidate.trajectory.duration();
-        match self.goal.keeper.wants(leaves, duration_s) {
-            Wanted::Yes => Ok(()),
-            Wanted::NoBetter { remaining_s } => Err(ExecutionRefusal::NoBetter { remaining_s }),
-            Wanted::GivenUp => Err(ExecutionRefusal::GoalGivenUp),
-        }
-    }
-
-    /// Gives the goal that stays up where a client's motion is executed.
-    fn note_foreign_motion(
-        &mut self,
-        in_flight: &InFlight,
-        published: Option<&Result<u32, ExecutionRefusal>>,
-    ) {
-        if let (Asker::Client(_), Some(Ok(id))) = (&in_flight.queued.asker, published) {
-            self.goal.keeper.end_for_foreign(*id);
-        }
     }
 }
 
@@ -455,30 +341,6 @@ fn begins_too_late(asker: &Asker, begin: &PlanBegin) -> Option<Refusal> {
     let reason =
         format!("a moving obstacle may be where the robot rests for another {delay_s:.1} s");
     Some(Refusal::new(Outcome::NoPath, reason))
-}
-
-impl InFlight {
-    /// The next attempt of a request whose motion came too late for its switch or for the obstacles that it was planned among, where there is one.
-    fn made_again(&self, published: &Result<u32, ExecutionRefusal>) -> Option<Attempt> {
-        let is_out_of_date = matches!(
-            published,
-            Err(ExecutionRefusal::SwitchMissed { .. } | ExecutionRefusal::SceneInTheWay(_))
-        );
-        let is_wanted = self.queued.asker.is_waiting();
-        let is_in_time = Instant::now() < self.queued.deadline(self.waited);
-        let next = self.attempt.next(self.took);
-        next.filter(|_| is_out_of_date && is_wanted && is_in_time)
-    }
-}
-
-/// The goals of a task, with the times at which a candidate passes them.
-fn timed_goals(task: &PlanTask, candidate: &Candidate) -> Arc<[TimedGoal]> {
-    let passed_s = candidate.passages.iter().map(|passage| passage.time_s);
-    let times_s = passed_s.chain([candidate.trajectory.duration()]);
-    let goals = task.goals().into_iter().zip(times_s);
-    goals
-        .map(|(goal, time_s)| TimedGoal { goal, time_s })
-        .collect()
 }
 
 /// A plan as it was answered.

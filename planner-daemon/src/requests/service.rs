@@ -123,6 +123,7 @@ impl Service {
         self.receive();
         self.answer_expired();
         self.keep_goal();
+        self.make_way();
         while self.begin_next() {}
     }
 

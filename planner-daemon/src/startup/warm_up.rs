@@ -7,7 +7,7 @@ use collision::{Ball, Scene, tracking_padding};
 use pcc_model::{Configuration, Point, UnitRobot};
 use planning::{
     EarlySelection, Goal, MOST_CORRECTIONS, MovingObstacles, Planner, PlannerError, Problem,
-    Request, Sampler, StartMotion, Supervision,
+    Request, Sampler, StartMotion, Supervision, Told,
 };
 use trajectory::Trajectory;
 
@@ -90,6 +90,7 @@ fn plan_in_motion(
         },
         selected: &|_| {
             selected.get_or_init(Instant::now);
+            Told::InTime
         },
     };
     let supervision = Supervision {

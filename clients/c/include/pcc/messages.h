@@ -219,7 +219,7 @@ typedef enum PccMotorState {
 typedef enum PccOutcome {
   /* All candidates wanted are there. */
   PCC_OUTCOME_OK = 0,
-  /* The deadline passed: fewer candidates than wanted, all of them certified. */
+  /* The deadline passed, or the motion was on its way and a request came for which it is left: fewer candidates than wanted, all of them certified. */
   PCC_OUTCOME_TRUNCATED = 1,
   /* The start bends more than the robot may. */
   PCC_OUTCOME_START_OUT_OF_LIMITS = 2,

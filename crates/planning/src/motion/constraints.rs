@@ -199,6 +199,13 @@ impl<'a> MotionConstraints<'a> {
         clear_of(self.moving.longest_stop_s(motion))
     }
 
+    /// By how much a motion bends beyond the limit at most, rad: its Bézier control points do.
+    pub(super) fn bending_excess_rad(&self, trajectory: &Trajectory) -> f64 {
+        let control = trajectory.segments().flat_map(|segment| segment.control);
+        let excess = control.map(|q| self.robot.limit_excess(&q));
+        excess.fold(f64::NEG_INFINITY, f64::max)
+    }
+
     fn keeps_bending(&self, trajectory: &Trajectory) -> bool {
         let mut segments = trajectory.segments();
         segments.all(|segment| self.bends_within(&segment, HALVINGS))

@@ -5,6 +5,7 @@ use crate::motion::incumbent::Incumbent;
 use crate::optimize::collision_correction::{Correction, CorrectionMemory, Corrector};
 use crate::path::waypoints::Waypoints;
 use crate::plan::{Certified, Failure};
+use crate::problem::BENDING_SLACK_RAD;
 use crate::stage_times::{StageTimes, Stopwatch};
 use codes::Stage;
 use pcc_model::{Configuration, SECTIONS};
@@ -15,6 +16,8 @@ use trajectory::Trajectory;
 pub(super) const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
 /// Clearance that smoothing a corrected path leaves beyond the tube, section lengths.
 const SMOOTHED_MARGIN: f64 = 0.01;
+/// How much less a path is bent along which a motion bends too far, its excess.
+const BENT_LESS: f64 = 2.0;
 /// Corrections that a path gets at most.
 pub const MOST_CORRECTIONS: usize = 2;
 
@@ -165,11 +168,8 @@ impl MotionConstraints<'_> {
             delivered.outcome = Err(Failure::Truncated);
             return;
         }
+        let certified = self.timed_and_certified(delivered, incumbent);
         let mut clock = Stopwatch::start();
-        let timed = self.time_if_faster(&delivered.path, incumbent);
-        delivered.times[Stage::Time] += clock.lap();
-        let certified = timed.and_then(|motion| Ok((self.certify(&motion)?, motion)));
-        delivered.times[Stage::Certify] += clock.lap();
         let loses = |motion: &Trajectory| {
             incumbent.is_some_and(|incumbent| incumbent.beats(motion.duration()))
         };
@@ -179,6 +179,52 @@ impl MotionConstraints<'_> {
             Err(failure) => Err(failure),
         };
         delivered.times[Stage::Select] += clock.lap();
+    }
+
+    /// The motion along a path and its smallest clearance, section lengths. A path along which a motion bends a little too far is bent less.
+    fn timed_and_certified(
+        &self,
+        delivered: &mut Delivered,
+        incumbent: Option<&Incumbent>,
+    ) -> Result<(f64, Trajectory), Failure> {
+        let motion = self.timed_if_faster(delivered, incumbent)?;
+        let certified = self.certified_clearance(&motion, &mut delivered.times);
+        let excess_rad = self.bending_excess_rad(&motion);
+        let is_little = (self.bending_slack_rad..BENDING_SLACK_RAD).contains(&excess_rad);
+        if certified != Err(Failure::Bending) || !is_little {
+            return Ok((certified?, motion));
+        }
+        self.bend_less(&mut delivered.path, BENT_LESS * excess_rad);
+        let motion = self.timed_if_faster(delivered, incumbent)?;
+        let clearance = self.certified_clearance(&motion, &mut delivered.times)?;
+        Ok((clearance, motion))
+    }
+
+    fn timed_if_faster(
+        &self,
+        delivered: &mut Delivered,
+        incumbent: Option<&Incumbent>,
+    ) -> Result<Trajectory, Failure> {
+        let Delivered { path, times, .. } = delivered;
+        times.measure(Stage::Time, || self.time_if_faster(path, incumbent))
+    }
+
+    fn certified_clearance(
+        &self,
+        motion: &Trajectory,
+        times: &mut StageTimes,
+    ) -> Result<f64, Failure> {
+        times.measure(Stage::Certify, || self.certify(motion))
+    }
+
+    /// Keeps the waypoints between the ends so far away from the bending limit, rad: a motion bends a little further between waypoints.
+    fn bend_less(&self, path: &mut Waypoints, margin_rad: f64) {
+        let most = self.robot.bending_limit - margin_rad;
+        if let [_, between @ .., _] = path.as_mut_slice() {
+            for waypoint in between {
+                *waypoint = self.robot.project_to_bending(waypoint, most);
+            }
+        }
     }
 
     /// Times a path, if the motion may be faster than the incumbent.

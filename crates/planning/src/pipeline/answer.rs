@@ -14,7 +14,7 @@ use crate::pipeline::previous_plan::kept_path;
 use crate::pipeline::segments::JoinedSegments;
 use crate::pipeline::{default, fast, moved_end, straight_line, trees, whole_paths};
 use crate::plan::{Candidate, Draw, Failure, Plan};
-use crate::request::{EarlySelection, Guidance, StartMotion, Supervision, ToBeDone};
+use crate::request::{EarlySelection, Guidance, StartMotion, Supervision, ToBeDone, Told};
 use crate::stage_times::StageTimes;
 use codes::{Sampler, Source, Stage};
 use pcc_model::Configuration;
@@ -168,6 +168,9 @@ struct SegmentsFirst<'a> {
     later: Option<Braking<'a>>,
 }
 
+/// Segments, and what they are joined to, where that is not what the request says.
+type SegmentsLater<'a> = (JoinedSegments, Option<Braking<'a>>);
+
 /// The fastest of as many candidates as are asked for, planned by the default sampler from where a robot rests after braking to one goal
 /// configuration alone.
 fn fastest_to(context: &RequestContext, braking: &Braking, end: &Configuration) -> Option<Draw> {
@@ -218,17 +221,12 @@ fn segments_first<'a>(
         Some(_) => JoinedSegments::default(),
         None => times.measure(Stage::Select, || joining.segments(&goals.distinct)),
     };
-    let early = after.supervision.early_selection;
     let (segments, later) = times.measure(Stage::Select, || {
         settled(context, joining, segments, &goals.distinct)
     });
-    let tell = || {
-        if let Some((early, fastest)) = early.zip(segments.selected()) {
-            (early.selected)(fastest.clone());
-        }
-    };
+    let tell = || told(context, joining, (segments, later), &goals.distinct);
     let draw = || to_these(after, &goals, default::draw, &mut times);
-    let ((), drawn) = rayon::join(tell, draw);
+    let ((segments, later), drawn) = rayon::join(tell, draw);
     Ok(SegmentsFirst {
         plan: plan_of(drawn, times),
         segments,
@@ -243,7 +241,7 @@ fn settled<'a>(
     joining: &Joining,
     segments: JoinedSegments,
     goals: &[Configuration],
-) -> (JoinedSegments, Option<Braking<'a>>) {
+) -> SegmentsLater<'a> {
     let early = context.supervision.early_selection;
     let early = early.filter(|_| segments.selected().is_some());
     let later = |to_be_done| early.and_then(|early| braking_later(context, early, to_be_done));
@@ -264,6 +262,26 @@ fn settled<'a>(
     };
     let segments = joining.to_braking(&second).fastest_again(&segments, goals);
     (segments, Some(second))
+}
+
+/// Tells the fastest of the segments, and while it comes too late, joins it to a later braking and tells it again; what was told last.
+fn told<'a>(
+    context: &RequestContext<'a>,
+    joining: &Joining,
+    (mut segments, mut later): SegmentsLater<'a>,
+    goals: &[Configuration],
+) -> SegmentsLater<'a> {
+    let Some(early) = context.supervision.early_selection else {
+        return (segments, later);
+    };
+    while let Some(fastest) = segments.selected()
+        && (early.selected)(fastest.clone()) == Told::TooLate
+        && let Some(braking) = braking_later(context, early, segments.to_be_done_again())
+    {
+        segments = joining.to_braking(&braking).fastest_again(&segments, goals);
+        later = Some(braking);
+    }
+    (segments, later)
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.

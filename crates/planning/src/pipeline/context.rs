@@ -4,7 +4,7 @@ use crate::motion::constraints::MotionConstraints;
 use crate::motion::incumbent::Incumbent;
 use crate::path::waypoints::Waypoints;
 use crate::plan::{Candidate, Draw, Failure, count_learned};
-use crate::problem::{BENDING_SLACK_RAD, Problem};
+use crate::problem::Problem;
 use crate::request::{Interrupt, Request, Supervision};
 use crate::resources::Resources;
 use crate::search::edges::{RrtSettings, Search};
@@ -100,10 +100,11 @@ impl<'a> RequestContext<'a> {
             tip_paths: &resources.tip_paths,
             limits,
             knots: request.knots,
-            bending_slack_rad: BENDING_SLACK_RAD,
+            bending_slack_rad: 0.0,
             corrections: request.corrections,
             interrupt: supervision.interrupt,
         };
+        let constraints = constraints.bending_no_more_than(&problem.start);
         Self {
             resources,
             problem,

@@ -5,10 +5,13 @@ use crate::pipeline::joining::{AT_ONCE, JoinedDraw, Joining, USUAL_GAIN};
 use crate::pipeline::segments::JoinedSegments;
 use crate::pipeline::selection::select;
 use crate::plan::{Candidate, Failure, Plan};
+use crate::request::Told;
 use codes::{Selection, Source, Stage};
 use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::mem;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
 
 /// Where the fastest motion is told once it is known, before the others are joined.
 #[derive(Clone, Copy)]
@@ -17,7 +20,7 @@ pub(super) struct Late<'a> {
     pub(super) braking: &'a (dyn Fn() -> Option<Braking<'a>> + Sync),
     /// Whether that leaves time to plan the fastest motion anew.
     pub(super) plans_anew: bool,
-    pub(super) selected: &'a (dyn Fn(Candidate) + Sync),
+    pub(super) selected: &'a (dyn Fn(Candidate) -> Told + Sync),
 }
 
 /// The draw of a motion, and the motion joined to the braking.
@@ -50,7 +53,8 @@ impl Joining<'_> {
             from_rest.push(segment.from_rest);
         }
         if segments.is_settled {
-            joined.extend(self.join_all(&others, rayon::current_num_threads()));
+            let workers = rayon::current_num_threads();
+            joined.extend(self.join_all(&others, workers, &AtomicBool::new(false)));
         } else {
             from_rest.extend(others);
             joined = self.join_late(plan, joined, from_rest, late);
@@ -75,21 +79,34 @@ impl Joining<'_> {
         self.join_fastest(&from_rest, &mut joined);
         self.put_fastest_anew(plan, &mut joined, &mut from_rest);
         plan.truncated |= self.is_interrupted();
-        let plans_anew = late.is_some_and(|late| late.plans_anew);
-        let Some(braking) = late.and_then(|late| (late.braking)()) else {
-            let others = from_rest.split_off(joined.len());
-            return self.join_others(joined, &others, late);
-        };
+        match late.and_then(|late| Some((late, (late.braking)()?))) {
+            Some((late, braking)) => self.join_later(&braking, plan, &joined, from_rest, late),
+            None => self.join_others(plan, joined, from_rest, late),
+        }
+    }
+
+    /// Joins the fastest of what is joined to a later braking, tells it, and joins the others to that braking.
+    fn join_later(
+        &self,
+        braking: &Braking,
+        plan: &mut Plan,
+        joined: &[Joined],
+        mut from_rest: Vec<Candidate>,
+        late: Late<'_>,
+    ) -> Vec<Joined> {
         let later = Joining {
-            anew: self.anew.filter(|_| plans_anew),
-            ..self.to_braking(&braking)
+            anew: self.anew.filter(|_| late.plans_anew),
+            ..self.to_braking(braking)
         };
-        let fastest = select_of(&joined).map(|fastest| fastest.draw);
+        let fastest = select_of(joined).map(|fastest| fastest.draw);
         from_rest.sort_by_key(|it| Some(it.draw) != fastest);
-        let others = from_rest.split_off(from_rest.len().min(1));
-        let mut first: Vec<Joined> = from_rest.iter().map(|it| later.outcome(it)).collect();
+        let mut first: Vec<Joined> = from_rest
+            .iter()
+            .take(1)
+            .map(|it| later.outcome(it))
+            .collect();
         later.put_fastest_anew(plan, &mut first, &mut from_rest);
-        later.join_others(first, &others, late)
+        later.join_others(plan, first, from_rest, Some(late))
     }
 
     /// Puts the fastest motion planned anew, where that is faster, in the place of the one that is joined.
@@ -108,23 +125,32 @@ impl Joining<'_> {
         replaced.for_each(|it| it.clone_from(&anew.from_rest));
     }
 
-    /// Tells the fastest of what is joined, and joins the other motions to the braking meanwhile; all of them.
+    /// Tells the fastest of what is joined, the first ones of all motions, and joins the others to the braking meanwhile; all of them. Where
+    /// it comes too late, all are joined to a later one.
     fn join_others(
         &self,
+        plan: &mut Plan,
         mut joined: Vec<Joined>,
-        from_rest: &[Candidate],
+        from_rest: Vec<Candidate>,
         late: Option<Late<'_>>,
     ) -> Vec<Joined> {
-        let fastest = select_of(&joined);
+        let is_too_late = AtomicBool::new(false);
         let tell = || {
-            if let Some((late, fastest)) = late.zip(fastest) {
-                (late.selected)(fastest);
-            }
+            let (late, fastest) = late.zip(select_of(&joined))?;
+            let is_late = (late.selected)(fastest) == Told::TooLate;
+            is_too_late.store(is_late, Relaxed);
+            is_late.then_some(late)
         };
         // The selected motion is published meanwhile, and its way to the loop needs a processor.
         let workers = rayon::current_num_threads() - 1;
-        let others = || self.join_all(from_rest, workers);
-        joined.extend(rayon::join(tell, others).1);
+        let others = || self.join_all(&from_rest[joined.len()..], workers, &is_too_late);
+        let (too_late, others) = rayon::join(tell, others);
+        if let Some(late) = too_late
+            && let Some(braking) = (late.braking)()
+        {
+            return self.join_later(&braking, plan, &joined, from_rest, late);
+        }
+        joined.extend(others);
         joined
     }
 
@@ -140,10 +166,15 @@ impl Joining<'_> {
         }
     }
 
-    /// Joins motions that are not selected, on so many workers, until the request is interrupted.
-    fn join_all(&self, from_rest: &[Candidate], workers: usize) -> Vec<Joined> {
+    /// Joins motions that are not selected, on so many workers, until the request is interrupted or they are not needed any more.
+    fn join_all(
+        &self,
+        from_rest: &[Candidate],
+        workers: usize,
+        are_needless: &AtomicBool,
+    ) -> Vec<Joined> {
         let joined = |from_rest: &Candidate| {
-            if self.is_interrupted() {
+            if self.is_interrupted() || are_needless.load(Relaxed) {
                 return (from_rest.draw, Err(Failure::Truncated));
             }
             self.outcome(from_rest)

@@ -135,12 +135,15 @@ fn a_plan_in_work_is_given_up_for_a_goal_that_has_jumped() {
     let mut bench = Bench::new();
     bench.give(tip_at(1.0, 0));
     assert!(bench.after(0, &holding()).is_some());
-    assert!(!bench.keeper.overtakes(bench.now + 30 * MS));
+    assert!(!bench.keeper.overtakes(false, bench.now + 30 * MS));
     bench.give(tip_at(-1.0, 1));
-    assert!(!bench.keeper.overtakes(bench.now + 19 * MS), "too soon");
-    assert!(bench.keeper.overtakes(bench.now + 20 * MS));
     assert!(
-        !bench.keeper.overtakes(bench.now + 21 * MS),
+        !bench.keeper.overtakes(false, bench.now + 19 * MS),
+        "too soon"
+    );
+    assert!(bench.keeper.overtakes(false, bench.now + 20 * MS));
+    assert!(
+        !bench.keeper.overtakes(false, bench.now + 21 * MS),
         "it is already"
     );
     assert_eq!(bench.keeper.wants(None, 1.0), Wanted::GivenUp);
@@ -178,7 +181,7 @@ fn a_goal_that_stays_where_it_is_keeps_its_plan_however_long_that_takes() {
         let mut bench = Bench::new();
         bench.give(given(GIVEN, goal));
         assert!(bench.after(0, &holding()).is_some());
-        assert!(!bench.keeper.overtakes(bench.now + 60 * MS));
+        assert!(!bench.keeper.overtakes(false, bench.now + 60 * MS));
     }
 }
 
@@ -190,7 +193,7 @@ fn of_a_goal_that_jumps_about_every_other_plan_is_finished() {
     for stamp in 1..=6 {
         assert!(bench.after(25, &holding()).is_some());
         bench.give(tip_at(if stamp % 2 == 0 { 1.0 } else { -1.0 }, stamp));
-        is_given_up.push(bench.keeper.overtakes(bench.now + 20 * MS));
+        is_given_up.push(bench.keeper.overtakes(false, bench.now + 20 * MS));
         bench.keeper.hear_plan(&failed(Outcome::Truncated, ""));
     }
     assert_eq!(is_given_up, [true, false, true, false, true, false]);
@@ -202,7 +205,7 @@ fn a_goal_that_jumps_and_comes_back_is_planned_for_again() {
     bench.give(tip_at(1.0, 0));
     assert!(bench.after(0, &holding()).is_some());
     bench.give(tip_at(-1.0, 1));
-    assert!(bench.keeper.overtakes(bench.now + 20 * MS));
+    assert!(bench.keeper.overtakes(false, bench.now + 20 * MS));
     bench.give(tip_at(1.0, 2));
     bench.keeper.hear_plan(&failed(Outcome::Truncated, ""));
     assert!(bench.after(21, &holding()).is_some());

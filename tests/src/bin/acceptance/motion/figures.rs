@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use pcc_model::TendonLimits;
 use shared_types::capacity::STAGES;
-use shared_types::codes::{LoopFault, LoopState, MotionOutcome, Stage};
+use shared_types::codes::{LoopState, MotionOutcome, Stage};
 use shared_types::message::Cycle;
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::judge::Verdict;
@@ -13,7 +13,8 @@ use tests::knots::{largest_bending_rad, least_clearance_m, limit_use, state_at, 
 use tests::listener::{Heard, Published};
 use tests::motion::raise;
 use tests::replans::StopThenGo;
-use tests::stack::Stack;
+
+use super::rests::Faults;
 
 /// What came of a request.
 pub(super) enum Answered {
@@ -54,8 +55,7 @@ pub(super) struct Figures {
     pub(super) in_motion: usize,
     /// What was published, by id.
     pub(super) published: BTreeMap<u32, AskedMotion>,
-    /// Faults of the controller, which were reset.
-    pub(super) faults: BTreeMap<String, usize>,
+    pub(super) faults: Faults,
     /// Motions of answers in motion that were not heard.
     pub(super) unheard: usize,
 
@@ -99,6 +99,8 @@ pub(super) struct Figures {
     pub(super) won: Vec<f64>,
     /// The shortest stops that were solved for, between their lower bound and the planner's own, and what is won beside them.
     pub(super) stops_solved: Vec<String>,
+    /// By how much replans may be later of which the linear program leaves open whether they are, ms.
+    pub(super) left_open_ms: Vec<f64>,
     /// The same by the stop straight ahead that the planner knows.
     pub(super) won_ahead: Vec<f64>,
     /// The same beside a robot that stops as soon as it is asked to, where the motion was followed that is left.
@@ -121,16 +123,6 @@ impl Figures {
             clearance_m: [f64::INFINITY; 2],
             ..Self::default()
         }
-    }
-
-    /// Resets a fault of the controller, if it is in one, and counts it.
-    pub(super) fn reset_fault(&mut self, stack: &mut Stack) -> anyhow::Result<()> {
-        let fault = stack.controller_state().fault;
-        if fault != LoopFault::None {
-            *self.faults.entry(fault.to_string()).or_default() += 1;
-            stack.clear_fault()?;
-        }
-        Ok(())
     }
 
     /// Takes in the requests of a scene, in motion or at rest by the cycle at their time.
@@ -298,8 +290,11 @@ impl Figures {
         let share = |stop_s: f64| (stop_s + go_s - duration_s) / stop_s;
         let mut won = share(reference.least_stop_s);
         if is_later(&won) {
-            let shortest_s = reference.shortest_stop_s(body, limits);
+            let [least_s, shortest_s] = reference.shortest_stop_s(body, limits);
             won = share(shortest_s);
+            if is_later(&share(least_s)) && !is_later(&won) {
+                self.left_open_ms.push(1e3 * (duration_s - least_s - go_s));
+            }
             self.stops_solved.push(format!(
                 "stop {:.5}, {shortest_s:.5}, {:.5} s: won {:.3} ms",
                 reference.least_stop_s,

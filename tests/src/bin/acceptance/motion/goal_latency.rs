@@ -16,12 +16,13 @@ use tests::brute_force::Body;
 use tests::geometry::seeded;
 use tests::listener::{Heard, Listener};
 use tests::replans::{ReplanScene, random_pause};
-use tests::stack::{PATIENCE, Stack};
+use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
 use super::figures::{first_followed, is_on_its_way, stages_ms, stages_text};
 use super::moving_goal::apart;
-use super::replan_run::wait_until_held;
+use super::replan_run::made_again;
+use super::rests::Faults;
 use super::windows::{WINDOWS, quantiles_text, show_slowest, show_windows};
 use crate::report::Report;
 use crate::scale::Scale;
@@ -70,10 +71,11 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         let (body, robot) = (stack.world.body(), stack.world.unit_robot());
         let listener = Listener::start_with_plans(&stack.world.options);
         let mut scenes = ScenePublisher::connect(&stack.world.options, "general")?;
-        let mut random = seeded(SEED);
+        let (mut random, mut faults) = (seeded(SEED), Faults::default());
         let (mut index, mut scenes_used, mut given, mut goals) = (0, 0, 0, Vec::new());
+        let mut not_begun = 0;
         while goals.len() < count {
-            wait_until_held(&mut stack)?;
+            faults.rest(&mut stack, given)?;
             let scene = ReplanScene::around(&robot, &stack.commanded(), SEED, &mut index);
             let balls = scene.balls.iter().map(|ball| MovingBall {
                 centre_m: ball.centre_m,
@@ -83,9 +85,14 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             scenes.publish(&balls.collect::<Vec<_>>(), LONG)?;
             scenes.confirm(PATIENCE)?;
             let changes = change_goals(&mut stack, &scene, &robot, &mut random)?;
-            wait_until_held(&mut stack)?;
+            faults.rest(&mut stack, given)?;
             sleep(Duration::from_millis(50));
             let heard = listener.take();
+            not_begun += heard
+                .motions
+                .iter()
+                .filter(|it| it.leaves.is_some() && first_followed(&heard.cycles, it.id).is_none())
+                .count();
             let in_motion = changes
                 .iter()
                 .filter(|change| found_in_motion(change, &heard));
@@ -101,6 +108,13 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             goals.len()
         );
         report.shown(&line("what was asked for"), population);
+        faults.show(report, &line);
+        let made_again = made_again(&stack.process(Part::Daemon).log());
+        let missed = format!(
+            "{} of {given}: {made_again:?}; and {not_begun} published and not begun",
+            made_again.len()
+        );
+        report.shown(&line("switches missed, of goals in motion and at rest"), missed);
         show(report, &goals, &stolen);
         Ok(())
     });

@@ -62,7 +62,7 @@ pub(super) fn what_was_asked(
     let counts = format!(
         "{} requests found the robot in motion, by the cycle at that time, of {} in all (ten candidates, deadline 1 s; tips of configurations with \
          room; the next one after no time to the whole motion); {} motions joined another, {} of them were begun, {} began at rest, since it had \
-         come to rest meanwhile; {} were planned again for a missed switch; the switch was chosen again before anything was published, by what was then to be done: {:?}; \
+         come to rest meanwhile; {} were joined or planned again for a missed switch; the switch was chosen again before anything was published, by what was then to be done: {:?}; \
          refused in motion: {:?}; refused at rest: {:?}; {} scenes in which the robot had room, of {} drawn",
         figures.in_motion,
         figures.requests,
@@ -77,12 +77,7 @@ pub(super) fn what_was_asked(
         figures.scenes_drawn
     );
     report.shown(&line("what was asked for"), counts);
-    report.check(
-        &line("faults of the controller, which was reset: what was asked for before counts"),
-        format!("{:?}", figures.faults),
-        "none",
-        figures.faults.is_empty(),
-    );
+    figures.faults.show(report, line);
     let refused: usize = figures.refusals.values().sum();
     let in_motion = figures.published.values().filter(|it| it.in_motion);
     let account = format!(
@@ -176,6 +171,15 @@ fn wins(report: &mut Report, name: &str, figures: &Figures) {
         ),
     );
     let from_the_request = &figures.won_from_the_request;
+    report.shown(
+        &format!("{name}: not earlier than a stop in one step of the linear program"),
+        format!(
+            "{} of {}, later by {:.4} ms at most",
+            figures.left_open_ms.len(),
+            won.len(),
+            figures.left_open_ms.iter().copied().fold(0.0, f64::max)
+        ),
+    );
     report.shown(
         &format!("{name}: counted from the request, beside a robot that brakes at once and then knows its motion at once"),
         format!(

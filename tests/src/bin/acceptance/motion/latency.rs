@@ -49,9 +49,9 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
     let replans = figures.joined + refused + figures.began_at_rest;
     let share = 100.0 * missed as f64 / replans.max(1) as f64;
     let figure = format!(
-        "{share:.2} % of {replans}: made again {:?}, published and not begun {:?}, begun at rest {}, refused {:?}",
+        "{share:.2} % of {replans}: joined or made again {:?}, published and not begun {:?}, begun at rest {}, refused {:?}",
         figures.made_again, figures.not_begun, figures.began_at_rest, figures.refusals
     );
-    let what = "switches missed (those made again or begun at rest count their whole time above, those refused or not begun no end)";
+    let what = "switches missed (those joined again, made again or begun at rest count their whole time above, those refused or not begun no end)";
     report.check(&line(what), figure, "<= 2 %", share <= 2.0);
 }

@@ -15,6 +15,7 @@ mod queue_figures;
 mod queue_run;
 mod queues;
 mod replan_run;
+mod rests;
 mod routes;
 mod setpoints;
 mod standing;

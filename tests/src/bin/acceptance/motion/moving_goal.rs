@@ -18,7 +18,7 @@ use tests::process::wait_for;
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
-use super::replan_run::wait_until_held;
+use super::rests::wait_until_held;
 use super::setpoints::{no_offences, within_limits};
 use crate::report::Report;
 use crate::scale::Scale;

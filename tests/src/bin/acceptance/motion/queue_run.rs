@@ -18,7 +18,8 @@ use tests::stack::{PATIENCE, Part, Stack};
 
 use super::queue::{Accepted, Asked, Queue};
 use super::queue_figures::Figures;
-use super::replan_run::{Population, balls, refusal, wait_until_held};
+use super::replan_run::{Population, balls, refusal};
+use super::rests::wait_until_held;
 
 /// Seed of scenes, tips, divisions and pauses: nothing was trained with it.
 const SEED: u64 = 9_301;

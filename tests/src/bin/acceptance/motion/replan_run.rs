@@ -5,7 +5,6 @@ use std::io::Write;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
 use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState, Outcome};
@@ -23,8 +22,6 @@ use crate::runs::folder;
 
 /// Seed of scenes, tips and pauses: nothing was trained with it.
 const SEED: u64 = 9_101;
-/// Faults, beside one in ten replans, after which a run ends.
-const SOME_FAULTS: usize = 10;
 /// Replans in one scene.
 const IN_A_SCENE: usize = 25;
 /// Shortest time within which the pause between two replans is drawn, at the shipped limits, where a motion is shorter: it is drawn from none
@@ -51,7 +48,7 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
     let mut random = seeded(SEED);
     let mut index = 0;
     while figures.in_motion < population.count {
-        wait_until_held_or_reset(&mut stack, &mut figures)?;
+        figures.faults.rest(&mut stack, figures.in_motion)?;
         let standing = stack.commanded();
         let scene = ReplanScene::around(&robot, &standing, SEED, &mut index);
         figures.scenes += 1;
@@ -67,7 +64,7 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
             &mut figures,
             &mut random,
         )?;
-        wait_until_held_or_reset(&mut stack, &mut figures)?;
+        figures.faults.rest(&mut stack, figures.in_motion)?;
         sleep(Duration::from_millis(50));
         let heard = listener.take();
         judge.look(&heard);
@@ -77,11 +74,7 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
         println!("  {} of {} replans", figures.in_motion, population.count);
     }
     let log = stack.process(Part::Daemon).log();
-    let made_again = log
-        .lines()
-        .filter_map(|line| line.split("is made again: ").nth(1));
-    let missed = made_again.filter(|why| why.starts_with("switch missed"));
-    figures.made_again = missed.map(str::to_owned).collect();
+    figures.made_again = made_again(&log);
     let chosen_again = log
         .lines()
         .filter_map(|line| line.split("another is chosen: ").nth(1));
@@ -92,38 +85,20 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
     Ok(figures)
 }
 
+/// Why motions that came too late for their switch were joined or planned again, as the daemon's log tells.
+pub(super) fn made_again(log: &str) -> Vec<String> {
+    let made_again = log.lines().filter_map(|line| {
+        let again = ["is made again: ", "is joined again: "];
+        again.iter().find_map(|words| line.split(words).nth(1))
+    });
+    let missed = made_again.filter(|why| why.starts_with("switch missed"));
+    missed.map(str::to_owned).collect()
+}
+
 /// The balls of a scene as they are looked at.
 pub(super) fn balls(scene: &ReplanScene) -> Vec<Ball> {
     let ball = |ball: &shared_types::message::Ball| Ball::resting(ball.centre_m, ball.radius_m);
     scene.balls.iter().map(ball).collect()
-}
-
-/// Waits until the robot rests.
-pub(super) fn wait_until_held(stack: &mut Stack) -> anyhow::Result<()> {
-    wait_for_state(stack, &[LoopState::Holding])
-}
-
-/// Waits until the robot rests; a controller in fault is reset, and what was asked for before counts.
-fn wait_until_held_or_reset(stack: &mut Stack, figures: &mut Figures) -> anyhow::Result<()> {
-    wait_for_state(stack, &[LoopState::Holding, LoopState::Fault])?;
-    figures.reset_fault(stack)?;
-    let faults: usize = figures.faults.values().sum();
-    anyhow::ensure!(
-        faults <= SOME_FAULTS + figures.in_motion / 10,
-        "the controller was in fault too often ({:?}): {}",
-        figures.faults,
-        stack.process(Part::Controller).log()
-    );
-    Ok(())
-}
-
-fn wait_for_state(stack: &mut Stack, states: &[LoopState]) -> anyhow::Result<()> {
-    let view = &mut stack.controller;
-    let rests = tests::process::wait_for("the robot rests", PATIENCE, || {
-        let state = view.latest_state().ok().flatten()?;
-        states.contains(&state.state).then_some(())
-    });
-    rests.context("after replans")
 }
 
 /// Asks for tips one after the other until so many have found the robot in motion, as its states tell, or the controller is in fault.

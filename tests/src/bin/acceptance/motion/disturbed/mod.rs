@@ -25,7 +25,8 @@ use self::fates::{Fates, Replan};
 use super::figures::{Figures, lower, quantile};
 use super::joins::show_curves;
 use super::paths::OffPath;
-use super::replan_run::{balls, refusal, wait_until_held};
+use super::replan_run::{balls, refusal};
+use super::rests::wait_until_held;
 use crate::report::Report;
 use crate::scale::Scale;
 
@@ -132,7 +133,7 @@ impl Run {
     ) -> anyhow::Result<Vec<Replan>> {
         let mut asked = Vec::new();
         while self.figures.in_motion < until {
-            self.figures.reset_fault(stack)?;
+            self.figures.faults.reset(stack)?;
             match self.ask(stack, scene, random)? {
                 Asked::InMotion(replan) => asked.push(replan),
                 Asked::AtRest => self.at_rest[0] += 1,
@@ -145,7 +146,7 @@ impl Run {
             std::thread::sleep(random_pause(PAUSES[0], PAUSES[1], random));
         }
         stack.controller.command(Command::SetSpeed(1.0), PROMPT)?;
-        self.figures.reset_fault(stack)?;
+        self.figures.faults.reset(stack)?;
         let held = wait_until_held(stack);
         held.with_context(|| format!("{:?}", stack.controller_state().values))?;
         Ok(asked)

@@ -2,12 +2,16 @@
 //!
 //! The rows are those of the table "Faults while joining" in docs/control.md.
 
+mod documented;
 mod floods;
 mod messages;
 mod outcome;
 mod rows;
 mod stand;
 
+use anyhow::Context;
+
+use self::documented::{Documented, table, without_detail};
 use self::outcome::Outcome;
 use self::rows::{ROWS, Row};
 use self::stand::Stand;
@@ -17,6 +21,8 @@ use tests::judge::SENT_USE;
 
 /// How far from its path rounding may bring a set-point, rad.
 const ON_PATH_RAD: f64 = 1e-9;
+/// Share by which way and time may differ from the documented ones.
+const NEAR: f64 = 0.2;
 
 /// Every row on processes of its own.
 pub(super) fn run(report: &mut Report, scale: Scale) {
@@ -51,7 +57,10 @@ fn inject(report: &mut Report, row: &Row) -> anyhow::Result<()> {
     if recovered.is_err() {
         println!("{}", stand.last_words());
     }
-    show(report, row, &mut stand, &outcome, &recovered);
+    let mut table = table()?.into_iter();
+    let documented = table.find(|it| it.name == without_detail(row.name));
+    let documented = documented.with_context(|| format!("{} is not documented", row.name))?;
+    show(report, row, &mut stand, &outcome, &recovered, &documented);
     Ok(())
 }
 
@@ -61,8 +70,10 @@ fn show(
     stand: &mut Stand,
     outcome: &Outcome,
     recovered: &anyhow::Result<()>,
+    documented: &Documented,
 ) {
     let line = |what: &str| format!("faults while joining, {}: {what}", row.name);
+    let moved = [outcome.moved_mm, outcome.rests_after_s];
     let told = |[left, joined]: [&str; 2]| format!("the old motion: {left}; the new one: {joined}");
     let [left, joined] = &outcome.ends;
     report.check(
@@ -72,19 +83,27 @@ fn show(
         outcome.ends == row.ends,
     );
     let notes = stand.notes();
-    report.check(
-        &line("from the fault until rest"),
-        format!(
-            "{:.2} mm, {:.3} s, on the old path {}{notes}",
-            outcome.moved_mm,
-            outcome.rests_after_s,
-            outcome
-                .path_time_s
-                .map_or("none".to_owned(), |time_s| format!("{time_s:.3} s")),
-        ),
-        "measured",
-        outcome.moved_mm.is_finite() && outcome.rests_after_s.is_finite(),
+    let figure = format!(
+        "{:.2} mm, {:.3} s, on the old path {}{notes}",
+        outcome.moved_mm,
+        outcome.rests_after_s,
+        outcome
+            .path_time_s
+            .map_or("none".to_owned(), |time_s| format!("{time_s:.3} s")),
     );
+    let (bar, is_kept) = match documented.movement {
+        None => (
+            "as planned".to_owned(),
+            moved.iter().all(|it| it.is_finite()),
+        ),
+        Some(movement) => {
+            let [mm, s] = movement;
+            let near = |(moved, documented): (&f64, f64)| (moved / documented - 1.0).abs() <= NEAR;
+            let bar = format!("{mm} mm, {s} s within a fifth, as docs/control.md says");
+            (bar, moved.iter().zip(movement).all(near))
+        }
+    };
+    report.check(&line("from the fault until rest"), figure, &bar, is_kept);
     report.at_most(
         &line("distance of the set-points in motion from the path that they follow, rad"),
         outcome.off_path_rad,

@@ -26,7 +26,8 @@ const FROZEN: Duration = Duration::from_millis(600);
 const FOREIGN_IDS: u32 = 100_000;
 /// How long a flood lasts: until the switch is passed, and longer.
 const FLOODED: Duration = Duration::from_millis(800);
-
+/// Messages that are a flood.
+const A_FLOOD: u64 = 1_000;
 /// Publishers of scenes that flood: a request takes the balls of two beside its own.
 const FLOODING: usize = 2;
 
@@ -93,17 +94,17 @@ pub(super) const ROWS: &[Row] = &[
         ..CHANGED
     },
     Row {
-        name: "discontinuity of 2e-9 rad",
+        name: "discontinuity of 2e-9 (rad)",
         intercept: Some(|stand| change(stand, |m| m.knots[0].configuration_rad[2] += 2e-9)),
         ..CHANGED
     },
     Row {
-        name: "discontinuity of 2e-9 rad/s",
+        name: "discontinuity of 2e-9 (rad/s)",
         intercept: Some(|stand| change(stand, |m| m.knots[0].velocity_rad_s[2] += 2e-9)),
         ..CHANGED
     },
     Row {
-        name: "discontinuity of 2e-9 rad/s²",
+        name: "discontinuity of 2e-9 (rad/s²)",
         intercept: Some(|stand| change(stand, |m| m.knots[0].acceleration_rad_s2[2] += 2e-9)),
         ..CHANGED
     },
@@ -147,7 +148,7 @@ pub(super) const ROWS: &[Row] = &[
         ..ROW
     },
     Row {
-        name: "daemon frozen",
+        name: "daemon frozen for 0.6 s",
         inject: |stand, _| freeze(stand, Part::Daemon),
         ends: [
             "stopped (the daemon was lost)",
@@ -182,7 +183,7 @@ pub(super) const ROWS: &[Row] = &[
         ..ROW
     },
     Row {
-        name: "robot frozen",
+        name: "robot frozen for 0.6 s",
         inject: |stand, _| freeze(stand, Part::Robot),
         ends: [
             "stopped (a fault, robot lost)",
@@ -201,7 +202,7 @@ pub(super) const ROWS: &[Row] = &[
         ..ROW
     },
     Row {
-        name: "controller frozen",
+        name: "controller frozen for 0.6 s",
         inject: |stand, _| freeze(stand, Part::Controller),
         ends: [
             "stopped (a fault, robot ramped to rest)",
@@ -261,11 +262,17 @@ fn come_late(stand: &mut Stand, joining: &Joining) -> anyhow::Result<i64> {
 fn flood_trajectories(stand: &mut Stand, _: &Joining) -> anyhow::Result<i64> {
     let mut message = good(stand);
     message.trajectory_id += FOREIGN_IDS;
+    let first_id = message.trajectory_id;
     let fault_ns = mono_now_ns();
     stand.bridge().flood(Some(message));
     sleep(FLOODED);
     stand.bridge().flood(None);
-    stand.note(format!("{} trajectories", stand.bridge().flooded()));
+    let (sent, refused) = (stand.bridge().flooded(), stand.refused_from(first_id));
+    anyhow::ensure!(
+        sent >= A_FLOOD && refused > 0,
+        "{sent} sent, {refused} refused"
+    );
+    stand.note(format!("{sent} trajectories, {refused} of them refused"));
     Ok(fault_ns)
 }
 
@@ -274,6 +281,7 @@ fn flood_commands(stand: &mut Stand, _: &Joining) -> anyhow::Result<i64> {
     let flood = CommandFlood::start(&stand.stack.world.options);
     sleep(FLOODED);
     let sent = flood.end();
+    anyhow::ensure!(sent >= A_FLOOD, "{sent} sent");
     stand.note(format!("{sent} commands"));
     Ok(fault_ns)
 }
@@ -282,11 +290,12 @@ fn flood_scenes(stand: &mut Stand, _: &Joining) -> anyhow::Result<i64> {
     let fault_ns = mono_now_ns();
     let flood = Flood::start(&stand.stack.world.options, FLOODING);
     sleep(FLOODED);
-    stand.note(format!(
-        "{} scenes of {} publishers",
-        flood.sent(),
-        flood.alive()
-    ));
+    let (sent, alive) = (flood.sent(), flood.alive());
+    anyhow::ensure!(
+        sent >= A_FLOOD && alive == FLOODING,
+        "{sent} sent, {alive} alive"
+    );
+    stand.note(format!("{sent} scenes of {alive} publishers"));
     Ok(fault_ns)
 }
 
@@ -353,34 +362,15 @@ fn reset(stand: &mut Stand, fault: LoopFault) -> anyhow::Result<()> {
 
 #[cfg(test)]
 mod documentation {
-    use super::ROWS;
-    use tests::programs::repository;
+    use std::collections::BTreeSet;
 
-    /// The words with which a row of the table in docs/control.md begins, up to its figures.
-    fn documented() -> Vec<String> {
-        let text = std::fs::read_to_string(repository().join("docs/control.md")).unwrap();
-        let (_, table) = text.split_once("### Faults while joining").unwrap();
-        let rows = table.lines().skip_while(|line| !line.starts_with("| ---"));
-        let rows = rows.skip(1).take_while(|line| line.starts_with('|'));
-        let first = |row: &str| {
-            let cell = row.trim_start_matches("| ").split(" |").next();
-            let words = cell.unwrap().split([':', '(']).next().unwrap().trim();
-            let words = words.split(" of 2e-9").next().unwrap();
-            words.trim_end_matches(" for 0.6 s").to_owned()
-        };
-        rows.map(first).collect()
-    }
+    use super::super::documented::{table, without_detail};
+    use super::ROWS;
 
     #[test]
     fn every_row_of_the_documented_table_is_injected_and_every_fault_is_documented() {
-        let documented = documented();
-        for words in &documented {
-            let is_injected = ROWS.iter().any(|row| row.name.starts_with(words.as_str()));
-            assert!(is_injected, "{words}");
-        }
-        for row in ROWS {
-            let is_documented = documented.iter().any(|words| row.name.starts_with(words));
-            assert!(is_documented, "{}", row.name);
-        }
+        let documented: BTreeSet<String> = table().unwrap().into_iter().map(|it| it.name).collect();
+        let injected = ROWS.iter().map(|row| without_detail(row.name).to_owned());
+        assert_eq!(documented, injected.collect());
     }
 }

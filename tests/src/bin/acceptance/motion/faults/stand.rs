@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use anyhow::Context;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopState, Refusal, Sampler, StartKind};
+use shared_types::codes::{LoopState, MotionOutcome, Refusal, Sampler, StartKind};
+use shared_types::message::MotionResult;
 use shared_types::valid::{Goal, PlanRequest};
 use tests::bridge::{Bridge, BridgeProcess};
 use tests::judge::Judge;
@@ -135,6 +136,15 @@ impl Stand {
             expected.len()
         ));
         Ok(())
+    }
+
+    /// How many trajectories from this id on were refused.
+    pub(super) fn refused_from(&self, id: u32) -> usize {
+        let is_one = |it: &&MotionResult| {
+            it.trajectory_id >= id && it.outcome == MotionOutcome::Refused.code()
+        };
+        self.listener
+            .with(|heard| heard.results.iter().filter(is_one).count())
     }
 
     /// Begins the first motion, and asks for the second one shortly before the goal at which it is to leave the first.

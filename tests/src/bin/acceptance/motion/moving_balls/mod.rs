@@ -22,7 +22,7 @@ use tests::world::Settings;
 
 use self::arm::{Arm, Follower, TOLERANCE_M};
 use super::moving_goal::apart;
-use super::replan_run::wait_until_held;
+use super::rests::wait_until_held;
 use super::setpoints::{no_offences, within_limits};
 use super::standing::stays_clear_after_a_stop;
 use crate::report::Report;
