@@ -111,6 +111,7 @@ pub struct StopThenGo {
 /// [`ClientError`].
 pub fn stop_then_go(
     stack: &mut Stack,
+    body: &Body,
     state: &crate::knots::Knot,
     end: [f64; 6],
     balls: &[Ball],
@@ -137,7 +138,7 @@ pub fn stop_then_go(
     let durations_s = answer.candidates().map(|it| it.summary.duration_s);
     let fastest = durations_s.fold(f64::INFINITY, f64::min);
     Ok(StopThenGo {
-        least_stop_s: least_stop_of_tendons_s(&stack.world.body(), &robot.tendon_limits, state),
+        least_stop_s: least_stop_of_tendons_s(body, &robot.tendon_limits, state),
         stop_ahead_s: stop.duration(),
         rates: [state.values[1], state.values[2]],
         go_s: fastest.is_finite().then_some(fastest),

@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use shared_types::clock::mono_now_ns;
 use shared_types::ipc::{
-    EventNotifier, IpcNode, IpcOptions, Publisher, Subscriber, Topic, event_notifier, goal_service,
-    goal_status_service, guest_publisher, guest_subscriber, observer_subscriber, plan_asked_event,
+    EventNotifier, IpcNode, IpcOptions, Publisher, Role, Subscriber, Topic, event_notifier,
+    goal_service, goal_status_service, guest_publisher, guest_subscriber, observer_subscriber,
+    plan_asked_event,
 };
 use shared_types::message;
 use shared_types::valid::{Goal, GoalStatus, StandingGoal};
@@ -55,7 +56,7 @@ impl GoalSender {
             robot_hash: None,
             sent: None,
             latest: None,
-            cleaner: Cleaner::new(),
+            cleaner: Cleaner::new(Role::PlannerDaemon),
             node,
         })
     }
@@ -141,7 +142,7 @@ impl GoalSender {
         let wire = goal.to_wire();
         StandingGoal::try_from(&wire).map_err(ClientError::InvalidRequest)?;
         let mut sent = self.send_wire(wire);
-        // A clean-up takes milliseconds, for which no goal waits. A daemon that is found dead may have been the only one that heard it.
+        // A daemon that is found dead may have been the only one that heard it.
         if self.cleaner.clean_if_due(&self.node) {
             sent = self.send_wire(wire);
         }

@@ -9,8 +9,8 @@ use iceoryx2::prelude::PortFactory;
 use shared_types::codes::Outcome;
 use shared_types::ipc::{
     EventListener, EventNotifier, IpcError, IpcNode, IpcOptions, PlanClient, PlanPending,
-    PlanService, Role, RoleHolder, event_listener, event_notifier, open_plan_service,
-    plan_answered_event, plan_asked_event, plan_client,
+    PlanService, Role, event_listener, event_notifier, open_plan_service, plan_answered_event,
+    plan_asked_event, plan_client,
 };
 use shared_types::message;
 use shared_types::valid::{Invalid, PlanRequest, PlannedExecution};
@@ -33,8 +33,6 @@ pub struct Client {
     asked: EventNotifier,
     answered: EventListener,
     cleaner: Cleaner,
-    /// Who had the daemon's role at the last look.
-    daemon: Option<RoleHolder>,
     last_request_id: u64,
     /// The robot that this program is set up for; 0: it does not say.
     robot_hash: u64,
@@ -124,8 +122,7 @@ impl Client {
             port: None,
             asked,
             answered,
-            cleaner: Cleaner::new(),
-            daemon: None,
+            cleaner: Cleaner::new(Role::PlannerDaemon),
             last_request_id: 0,
             robot_hash: 0,
             node,
@@ -136,20 +133,6 @@ impl Client {
     /// [`message::RobotDescription::robot_hash`]. A daemon that plans for another robot refuses it (outcome wrong robot). 0: it does not say.
     pub fn state_robot(&mut self, robot_hash: u64) {
         self.robot_hash = robot_hash;
-    }
-
-    /// Cleans up after dead daemons, which takes a millisecond, unless the one that was known lives still.
-    fn clean_unless_daemon_lives(&mut self) {
-        if self.daemon.as_ref().is_some_and(RoleHolder::lives) {
-            return;
-        }
-        let ended = self.daemon.take();
-        self.daemon = RoleHolder::find(self.node.options(), Role::PlannerDaemon);
-        // Whoever had the role before this one is dead by now.
-        if ended.is_some() || self.daemon.is_some() {
-            self.cleaner.make_due();
-        }
-        self.cleaner.clean_if_due(&self.node);
     }
 
     /// Waits until a daemon serves.
@@ -340,7 +323,7 @@ impl Client {
         loop {
             // Such a request is not sent twice: its server should live.
             if execute {
-                self.clean_unless_daemon_lives();
+                self.cleaner.clean_if_due(&self.node);
             }
             let sent = Instant::now();
             let response = self.wait_for_port(limit)?.send(&wire)?;

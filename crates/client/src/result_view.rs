@@ -5,7 +5,8 @@ use std::thread;
 use std::time::Duration;
 
 use shared_types::ipc::{
-    IpcNode, IpcOptions, Subscriber, guest_subscriber, motion_result_service, observer_subscriber,
+    IpcNode, IpcOptions, Role, Subscriber, guest_subscriber, motion_result_service,
+    observer_subscriber,
 };
 use shared_types::message;
 use shared_types::valid::MotionResult;
@@ -55,7 +56,7 @@ impl ResultView {
         Ok(Self {
             results,
             recent: VecDeque::with_capacity(KEPT),
-            cleaner: Cleaner::new(),
+            cleaner: Cleaner::new(Role::Controller),
             node,
         })
     }

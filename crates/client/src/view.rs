@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use iceoryx2::prelude::ZeroCopySend;
 use shared_types::ipc::{
-    CommandClient, CommandService, CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber,
-    Topic, command_service, controller_state_service, cycle_service, guest_command_client,
-    guest_subscriber, observer_subscriber, robot_state_service, subscriber,
+    CommandClient, CommandService, CycleSubscriber, IpcError, IpcNode, IpcOptions, Role,
+    Subscriber, Topic, command_service, controller_state_service, cycle_service,
+    guest_command_client, guest_subscriber, observer_subscriber, robot_state_service, subscriber,
 };
 use shared_types::message;
 use shared_types::valid::{
@@ -67,7 +67,7 @@ impl ControllerView {
             commands: None,
             command_service,
             last_command_id: 0,
-            cleaner: Cleaner::new(),
+            cleaner: Cleaner::new(Role::Controller),
             node,
         })
     }

@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::fmt;
 use std::time::{Duration, Instant};
 
-use shared_types::ipc::IpcNode;
+use shared_types::ipc::{IpcNode, Role, RoleHolder};
 
 /// Time between two polls where no event is sent, or an answer is overdue.
 pub(crate) const POLL_INTERVAL: Duration = Duration::from_micros(50);
@@ -87,15 +87,24 @@ impl<'program> TimeLimit<'program> {
     }
 }
 
-/// Cleans up after dead processes, but not too often: it lists a directory.
+/// Cleans up after dead processes while the one that is waited for does not live, and not too often: that takes milliseconds of a processor,
+/// which the daemon may be about to plan on.
 #[derive(Debug)]
 pub(crate) struct Cleaner {
+    role: Role,
+    /// The process of that role, where it is known.
+    holder: Option<RoleHolder>,
     last: Option<Instant>,
 }
 
 impl Cleaner {
-    pub(crate) const fn new() -> Self {
-        Self { last: None }
+    /// For a program that waits for the process of that role.
+    pub(crate) const fn new(role: Role) -> Self {
+        Self {
+            role,
+            holder: None,
+            last: None,
+        }
     }
 
     /// Starts a new period: the next clean-up is due at its end.
@@ -108,13 +117,18 @@ impl Cleaner {
         self.last = None;
     }
 
-    /// Cleans up if the period since the last time is over; returns whether a process was found dead.
+    /// Cleans up where the process of the role has ended since the last call, and where it is not known once in a period; returns whether a
+    /// process was found dead.
     pub(crate) fn clean_if_due(&mut self, node: &IpcNode) -> bool {
-        let is_due = self.last.is_none_or(|it| it.elapsed() >= CLEANUP_PERIOD);
-        let is_any_dead = is_due && node.clean_dead_nodes() > 0;
-        if is_due {
-            self.begin_period();
+        let has_ended = self.holder.take_if(|holder| !holder.lives()).is_some();
+        let is_due = has_ended || self.last.is_none_or(|it| it.elapsed() >= CLEANUP_PERIOD);
+        if self.holder.is_some() || !is_due {
+            return false;
         }
+        self.holder = RoleHolder::find(node.options(), self.role);
+        // Whoever had the role before the one that was found is dead by now.
+        let is_any_dead = node.clean_dead_nodes() > 0;
+        self.begin_period();
         is_any_dead
     }
 }

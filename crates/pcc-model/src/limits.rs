@@ -25,17 +25,11 @@ impl Robot {
     /// The nearest configuration within the bending limit, to rounding.
     #[must_use]
     pub fn project_to_limits(&self, configuration: &Configuration) -> Configuration {
-        self.project_to_bending(configuration, self.bending_limit)
-    }
-
-    /// The nearest configuration in which no section bends further than this, rad, to rounding.
-    #[must_use]
-    pub fn project_to_bending(&self, configuration: &Configuration, most: f64) -> Configuration {
         let mut projected = *configuration;
         for (i, angle) in self.bending_angles(configuration).into_iter().enumerate() {
-            if angle > most {
-                projected[2 * i] *= most / angle;
-                projected[2 * i + 1] *= most / angle;
+            if angle > self.bending_limit {
+                projected[2 * i] *= self.bending_limit / angle;
+                projected[2 * i + 1] *= self.bending_limit / angle;
             }
         }
         projected

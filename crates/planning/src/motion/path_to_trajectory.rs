@@ -18,6 +18,8 @@ pub(super) const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
 const SMOOTHED_MARGIN: f64 = 0.01;
 /// How much less a path is bent along which a motion bends too far, its excess.
 const BENT_LESS: f64 = 2.0;
+/// Distance from the bending limit from which on a path is bent less, rad.
+const NEARBY_RAD: f64 = 0.1;
 /// Corrections that a path gets at most.
 pub const MOST_CORRECTIONS: usize = 2;
 
@@ -189,10 +191,12 @@ impl MotionConstraints<'_> {
     ) -> Result<(f64, Trajectory), Failure> {
         let motion = self.timed_if_faster(delivered, incumbent)?;
         let certified = self.certified_clearance(&motion, &mut delivered.times);
-        let excess_rad = self.bending_excess_rad(&motion);
-        let is_little = (self.bending_slack_rad..BENDING_SLACK_RAD).contains(&excess_rad);
-        if certified != Err(Failure::Bending) || !is_little {
+        if certified != Err(Failure::Bending) {
             return Ok((certified?, motion));
+        }
+        let excess_rad = self.bending_excess_rad(&motion);
+        if !(self.bending_slack_rad..BENDING_SLACK_RAD).contains(&excess_rad) {
+            return Err(Failure::Bending);
         }
         self.bend_less(&mut delivered.path, BENT_LESS * excess_rad);
         let motion = self.timed_if_faster(delivered, incumbent)?;
@@ -217,12 +221,20 @@ impl MotionConstraints<'_> {
         times.measure(Stage::Certify, || self.certify(motion))
     }
 
-    /// Keeps the waypoints between the ends so far away from the bending limit, rad: a motion bends a little further between waypoints.
-    fn bend_less(&self, path: &mut Waypoints, margin_rad: f64) {
-        let most = self.robot.bending_limit - margin_rad;
+    /// Bends a path's sections less near the bending limit, by as much as `by_rad` at the limit and beyond, and smoothly less before it: a
+    /// motion bends a little further between waypoints. The ends stay.
+    fn bend_less(&self, path: &mut Waypoints, by_rad: f64) {
+        let nearby_from_rad = self.robot.bending_limit - NEARBY_RAD;
         if let [_, between @ .., _] = path.as_mut_slice() {
             for waypoint in between {
-                *waypoint = self.robot.project_to_bending(waypoint, most);
+                for (k, angle) in self.robot.bending_angles(waypoint).into_iter().enumerate() {
+                    let nearness = smooth_step((angle - nearby_from_rad) / NEARBY_RAD);
+                    if nearness > 0.0 {
+                        let scale = 1.0 - by_rad * nearness / angle;
+                        waypoint[2 * k] *= scale;
+                        waypoint[2 * k + 1] *= scale;
+                    }
+                }
             }
         }
     }
@@ -244,4 +256,10 @@ impl MotionConstraints<'_> {
         }
         Ok(motion)
     }
+}
+
+/// From 0 to 1 with continuous curvature.
+fn smooth_step(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x.powi(3) * (10.0 + x * (6.0 * x - 15.0))
 }

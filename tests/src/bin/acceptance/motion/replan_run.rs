@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState, Outcome};
-use tests::brute_force::Ball;
+use tests::brute_force::{Ball, Body};
 use tests::geometry::seeded;
 use tests::judge::Judge;
 use tests::knots::{Knot, state_at};
@@ -70,7 +70,7 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
         judge.look(&heard);
         figures.look_at_requests(asked, &heard);
         figures.look(&body, &heard, &balls(&scene));
-        references(&mut stack, &scene, &heard, &mut figures)?;
+        references(&mut stack, &body, &scene, &heard, &mut figures)?;
         println!("  {} of {} replans", figures.in_motion, population.count);
     }
     let log = stack.process(Part::Daemon).log();
@@ -166,6 +166,7 @@ pub(super) fn refusal(outcome: Outcome, reason: &str) -> String {
 /// What each motion that was joined would have taken with a stop before it.
 fn references(
     stack: &mut Stack,
+    body: &Body,
     scene: &ReplanScene,
     heard: &Heard,
     figures: &mut Figures,
@@ -188,12 +189,13 @@ fn references(
         if !in_motion {
             continue;
         }
-        let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
+        let reference = stop_then_go(stack, body, first, last.values[0], &scene.balls, seed)?;
         if let Some((lead_s, at_request)) = when_asked(motion, heard, figures) {
-            let reference = stop_then_go(stack, &at_request, last.values[0], &scene.balls, seed)?;
+            let reference =
+                stop_then_go(stack, body, &at_request, last.values[0], &scene.balls, seed)?;
             figures.compare_from_the_request(motion, &reference, lead_s);
         }
-        let of_robot = (&stack.world.body(), &stack.world.robot.tendon_limits);
+        let of_robot = (body, &stack.world.robot.tendon_limits);
         if figures.compare(of_robot, motion, &reference, is_truncated) {
             let log = stack.process(Part::Daemon).log();
             let chosen_again = format!("plan {}: its switch was too near", motion.plan_id);
