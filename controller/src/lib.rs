@@ -2,7 +2,7 @@
 //!
 //! * [`executive`]: the state machine that decides what the loop does each cycle;
 //! * [`arena`]: the hard loop's own memory;
-//! * [`service`]: the controller's process: loop, guard and relay threads;
+//! * [`service`]: the controller's process: loop, guard, relay and cleaning threads;
 //! * [`robot`]: the simulated robot, and its process.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 

@@ -54,7 +54,7 @@ impl Judge {
             least = least.min(padded.clearance(shape, balls, 0));
             for section in shape.chunks_exact(2) {
                 let angle = section[0].hypot(section[1]);
-                assert!(angle <= self.robot.bending_limit + 5e-3, "{angle}");
+                assert!(angle <= self.robot.bending_limit + 1e-6, "{angle}");
             }
         }
         assert!(least >= -self.body.chord_error_m(), "touches: {least}");

@@ -1,4 +1,4 @@
-//! The threads beside a loop: guard and relay, which serve everybody else.
+//! The threads beside a loop: guard and relay, which serve everybody else, and one that cleans up after dead processes.
 
 use std::{
     io,
@@ -7,8 +7,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use shared_types::ipc::{IpcError, IpcOptions, Role, RoleLock, spawn_with_ports};
-use tracing::warn;
+use realtime::use_idle_policy;
+use shared_types::ipc::{IpcError, IpcNode, IpcOptions, Role, RoleLock, spawn_with_ports};
+use tracing::{info, warn};
 
 use super::{
     config::ControllerConfig,
@@ -31,7 +32,7 @@ pub(super) struct LoopServices {
 }
 
 impl LoopServices {
-    /// Takes the controller's place, and starts guard and relay; the other end is for the loop.
+    /// Takes the controller's place, and starts the threads beside the loop; the other end is for the loop.
     ///
     /// # Errors
     /// [`IpcError::AlreadyRunning`] where another controller lives under the same prefix and root, or what a service or a port failed
@@ -59,6 +60,9 @@ impl LoopServices {
         let open_guard = move || Guard::open(settings, &guard_options, guard_end);
         services.add("relay", open_relay, Relay::serve)?;
         services.add("guard", open_guard, Guard::serve)?;
+        let (shared, cleaning_options) = (Arc::clone(&services.shared), options.clone());
+        let open_node = move || IpcNode::create(&cleaning_options, "controller-cleaning");
+        services.add("cleaning", open_node, move |node| clean(&node, &shared))?;
         Ok((services, loop_end))
     }
 
@@ -99,6 +103,9 @@ impl Drop for LoopServices {
     /// Has the threads end, and waits at most [`JOIN_TIMEOUT`] until they have.
     fn drop(&mut self) {
         self.shared.quit.store(true, Ordering::Relaxed);
+        for thread in &self.threads {
+            thread.thread().unpark();
+        }
         let begin = Instant::now();
         while let Some(held) = self.threads.iter().find(|thread| !thread.is_finished()) {
             if begin.elapsed() > JOIN_TIMEOUT {
@@ -109,6 +116,17 @@ impl Drop for LoopServices {
             thread::sleep(POLL_INTERVAL);
         }
     }
+}
+
+/// Removes what dead processes leave, while nobody else wants the processor.
+fn clean(node: &IpcNode, shared: &Shared) {
+    if let Err(error) = use_idle_policy() {
+        warn!("what has arrived may be heard some milliseconds late now and then: {error}");
+    }
+    node.keep_clean(
+        || shared.is_quitting(),
+        |removed| info!("cleaned up after {removed} dead nodes"),
+    );
 }
 
 /// Priority of the guard: one below the loop's, above everything else.

@@ -16,7 +16,7 @@ pub(super) struct Ports {
     results: Publisher<MotionResult>,
     cycles: CyclePublisher,
     // Declared last: the node outlives its ports.
-    node: IpcNode,
+    _node: IpcNode,
 }
 
 impl Ports {
@@ -28,7 +28,7 @@ impl Ports {
             state: ipc::publisher(&node, &ipc::controller_state_service(&node)?)?,
             results: ipc::publisher(&node, &ipc::motion_result_service(&node)?)?,
             cycles: ipc::cycle_publisher(&node, &ipc::cycle_service(&node)?)?,
-            node,
+            _node: node,
         })
     }
 
@@ -86,9 +86,8 @@ impl Ports {
         }
     }
 
-    /// Removes the shared memory of dead processes, and connects to new ones (which sends them the history).
-    pub(super) fn tidy(&self) {
-        self.node.clean_dead_nodes();
+    /// Connects to new processes, which sends them the history.
+    pub(super) fn update_connections(&self) {
         // A peer that cannot be connected now is tried again next time.
         let _ = self.state.update_connections();
         let _ = self.results.update_connections();

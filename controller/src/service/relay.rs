@@ -35,7 +35,7 @@ const ROUND_INTERVAL: Duration = Duration::from_micros(500);
 const ROUND_INTERVAL_IN_MOTION: Duration = Duration::from_micros(250);
 const BATCH_PERIOD_NS: i64 = 10_000_000;
 const STATE_PERIOD_NS: i64 = 20_000_000;
-const TIDY_PERIOD_NS: i64 = 100_000_000;
+const CONNECTION_PERIOD_NS: i64 = 100_000_000;
 
 /// Time after the relay's start in which trajectories arrive that were meant for a controller before this one.
 const STALE_TRAJECTORY_WINDOW: Duration = Duration::from_millis(100);
@@ -122,7 +122,7 @@ impl Relay {
             is_held: false,
             handed_over_ns: i64::MIN,
         };
-        relay.ports.tidy();
+        relay.ports.update_connections();
         thread::sleep(STALE_TRAJECTORY_WINDOW);
         while relay.ports.next_trajectory(&mut relay.incoming) {
             debug!(
@@ -141,9 +141,9 @@ impl Relay {
             PeriodicTimer::every(BATCH_PERIOD_NS),
             PeriodicTimer::every(STATE_PERIOD_NS),
         );
-        let (mut beat, mut tidy) = (
+        let (mut beat, mut connections) = (
             PeriodicTimer::every(STATE_PERIOD_NS),
-            PeriodicTimer::every(TIDY_PERIOD_NS),
+            PeriodicTimer::every(CONNECTION_PERIOD_NS),
         );
         while !self.link.shared.is_quitting() {
             let now_ns = mono_now_ns();
@@ -158,8 +158,8 @@ impl Relay {
             if beat.is_due(now_ns) {
                 self.ports.send_heartbeat(self.view.instance());
             }
-            if tidy.is_due(now_ns) {
-                self.ports.tidy();
+            if connections.is_due(now_ns) {
+                self.ports.update_connections();
             }
             thread::sleep(if self.view.is_executing() {
                 ROUND_INTERVAL_IN_MOTION

@@ -136,7 +136,8 @@ impl LoopView {
         self.memory = report.memory;
         self.count_lateness(output.late, report.lateness_ns);
         let (id, stamp_ns) = (output.trajectory_id, output.stamp_ns);
-        if id != 0 {
+        // What is followed from a switch on names its cycle, whether or not the motion that was left there has done so before.
+        if id != 0 && stamp_ns >= self.named_ns {
             self.name(id, stamp_ns);
         }
         self.latest = Some(report);
@@ -144,14 +145,14 @@ impl LoopView {
 
     /// Notes a motion that was followed to its end: no cycle names one that began and ended in the same late cycle.
     pub(super) fn note_ended(&mut self, ended: &EndedMotion) {
-        self.name(ended.motion.id, ended.stamp_ns);
+        if ended.stamp_ns > self.named_ns {
+            self.name(ended.motion.id, ended.stamp_ns);
+        }
     }
 
-    /// Names a motion that was followed in the cycle of this stamp, unless a later one, or that cycle itself, has named another.
+    /// Names the motion that was followed in the cycle of this stamp.
     fn name(&mut self, id: u32, stamp_ns: i64) {
-        if stamp_ns > self.named_ns {
-            (self.published.trajectory_id, self.named_ns) = (id, stamp_ns);
-        }
+        (self.published.trajectory_id, self.named_ns) = (id, stamp_ns);
     }
 
     fn note_fault(&mut self, output: &CycleOutput) {

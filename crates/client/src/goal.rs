@@ -56,7 +56,7 @@ impl GoalSender {
             robot_hash: None,
             sent: None,
             latest: None,
-            cleaner: Cleaner::new(Role::PlannerDaemon),
+            cleaner: Cleaner::new(options, Role::PlannerDaemon),
             node,
         })
     }

@@ -15,12 +15,10 @@ use shared_types::ipc::{
 use shared_types::message;
 use shared_types::valid::{Invalid, PlanRequest, PlannedExecution};
 
-use crate::waiting::{Cleaner, POLL_INTERVAL, TimeLimit, wait};
+use crate::waiting::{CLEANUP_TIMEOUT, Cleaner, POLL_INTERVAL, TimeLimit, wait};
 use crate::{ClientError, PlanAnswer};
 
 const DAEMON: &str = "planner-daemon";
-/// Longest wait for another process that is cleaning up a dead node.
-const CLEANUP_TIMEOUT: Duration = Duration::from_millis(500);
 /// Longest time between two polls for an answer: its event may have been lost.
 const MAX_POLL_INTERVAL: Duration = Duration::from_millis(2);
 /// Time between two polls for a daemon.
@@ -122,7 +120,7 @@ impl Client {
             port: None,
             asked,
             answered,
-            cleaner: Cleaner::new(Role::PlannerDaemon),
+            cleaner: Cleaner::new(options, Role::PlannerDaemon),
             last_request_id: 0,
             robot_hash: 0,
             node,

@@ -56,7 +56,7 @@ impl ResultView {
         Ok(Self {
             results,
             recent: VecDeque::with_capacity(KEPT),
-            cleaner: Cleaner::new(Role::Controller),
+            cleaner: Cleaner::new(options, Role::Controller),
             node,
         })
     }

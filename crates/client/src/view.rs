@@ -67,7 +67,7 @@ impl ControllerView {
             commands: None,
             command_service,
             last_command_id: 0,
-            cleaner: Cleaner::new(Role::Controller),
+            cleaner: Cleaner::new(options, Role::Controller),
             node,
         })
     }

@@ -4,12 +4,16 @@ use std::cell::Cell;
 use std::fmt;
 use std::time::{Duration, Instant};
 
-use shared_types::ipc::{IpcNode, Role, RoleHolder};
+use shared_types::ipc::{IpcNode, IpcOptions, Role, RoleHolder};
 
 /// Time between two polls where no event is sent, or an answer is overdue.
 pub(crate) const POLL_INTERVAL: Duration = Duration::from_micros(50);
 /// Time between two clean-ups of dead processes.
 const CLEANUP_PERIOD: Duration = Duration::from_millis(100);
+/// For how long a process that lives is taken to have its role still.
+const ROLE_PERIOD: Duration = Duration::from_secs(1);
+/// Longest wait for another process that is cleaning up a dead node.
+pub(crate) const CLEANUP_TIMEOUT: Duration = Duration::from_millis(500);
 /// Time between two questions whether a call is given up.
 const ASK_PERIOD: Duration = Duration::from_millis(50);
 
@@ -98,12 +102,12 @@ pub(crate) struct Cleaner {
 }
 
 impl Cleaner {
-    /// For a program that waits for the process of that role.
-    pub(crate) const fn new(role: Role) -> Self {
+    /// For a program that waits for the process of that role, and whose node has just cleaned up.
+    pub(crate) fn new(options: &IpcOptions, role: Role) -> Self {
         Self {
             role,
-            holder: None,
-            last: None,
+            holder: RoleHolder::find(options, role),
+            last: Some(Instant::now()),
         }
     }
 
@@ -117,19 +121,29 @@ impl Cleaner {
         self.last = None;
     }
 
-    /// Cleans up where the process of the role has ended since the last call, and where it is not known once in a period; returns whether a
-    /// process was found dead.
+    /// Cleans up at once where the process of the role has ended, and where none is known once in a period; returns whether a process was
+    /// found dead.
     pub(crate) fn clean_if_due(&mut self, node: &IpcNode) -> bool {
-        let has_ended = self.holder.take_if(|holder| !holder.lives()).is_some();
-        let is_due = has_ended || self.last.is_none_or(|it| it.elapsed() >= CLEANUP_PERIOD);
-        if self.holder.is_some() || !is_due {
+        let has_ended = self.holder.as_ref().is_some_and(|holder| !holder.lives());
+        let period = match self.holder {
+            Some(_) => ROLE_PERIOD,
+            None => CLEANUP_PERIOD,
+        };
+        let is_due = self.last.is_none_or(|it| it.elapsed() >= period);
+        if !has_ended && !is_due {
             return false;
         }
-        self.holder = RoleHolder::find(node.options(), self.role);
-        // Whoever had the role before the one that was found is dead by now.
-        let is_any_dead = node.clean_dead_nodes() > 0;
+        let found = RoleHolder::find(node.options(), self.role);
+        let before = std::mem::replace(&mut self.holder, found);
         self.begin_period();
-        is_any_dead
+        if has_ended {
+            // Also what another process is cleaning: what looks alive afterwards is alive.
+            node.finish_cleaning(CLEANUP_TIMEOUT);
+            return true;
+        }
+        let known = before.as_ref().zip(self.holder.as_ref());
+        let is_known = known.is_some_and(|(before, found)| found.is(before));
+        !is_known && node.clean_dead_nodes() > 0
     }
 }
 
@@ -155,7 +169,27 @@ pub(crate) fn wait<T, E>(
 
 #[cfg(test)]
 mod tests {
+    use shared_types::ipc::RoleLock;
+
     use super::*;
+
+    #[test]
+    fn who_has_given_a_role_up_and_lives_is_not_waited_for() {
+        let directory = tempfile::tempdir().unwrap();
+        let options = IpcOptions {
+            prefix: "cleaner".to_owned(),
+            root: directory.path().join("root"),
+        };
+        let role = RoleLock::acquire(&options, Role::Controller).unwrap();
+        let node = IpcNode::create(&options, "client").unwrap();
+        let mut cleaner = Cleaner::new(&options, Role::Controller);
+        cleaner.make_due();
+        assert!(!cleaner.clean_if_due(&node) && cleaner.holder.is_some());
+        drop(role);
+        assert!(!cleaner.clean_if_due(&node) && cleaner.holder.is_some());
+        cleaner.make_due();
+        assert!(!cleaner.clean_if_due(&node) && cleaner.holder.is_none());
+    }
 
     #[test]
     fn a_call_that_is_given_up_is_over_and_stays_so() {

@@ -280,7 +280,8 @@ fn a_motion_that_is_told_too_late_is_joined_again_and_told_once_more() {
             },
         };
         let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
-        told_of_ten(&planner, &moving.scene, &answer, told, &then);
+        let told = told_of_ten(&planner, &moving.scene, &answer, told, &then);
+        assert_no_later(&planner, &moving, &in_motion, &told);
     }
 }
 

@@ -23,8 +23,6 @@ use crate::live_scene::SceneMemoryError;
 const BEAT_PERIOD: Duration = Duration::from_millis(10);
 /// Beats from one description of the robot to the next: 1 s.
 const DESCRIBED_EVERY: u64 = 100;
-/// Time between two looks for dead processes.
-const CLEANUP_PERIOD: Duration = Duration::from_millis(100);
 /// Beats without progress of supervision after which the heart stops: 100 ms.
 const STALL_BEATS: u32 = 10;
 /// From the last progress of supervision to the last heartbeat, at most, nanoseconds.
@@ -182,18 +180,15 @@ fn note_sent(what: &str, sent: &Result<usize, SendError>, is_failing: &mut bool)
     *is_failing = sent.is_err();
 }
 
-/// Removes what dead processes left every 100 ms. One pass takes about a millisecond, so the thread has the idle policy.
+/// Removes what dead processes leave, while nobody else wants the processor.
 fn clean(node: &IpcNode, ended: &AtomicBool) {
     if let Err(error) = use_idle_policy() {
-        tracing::warn!("answers may be a millisecond late now and then: {error}");
+        tracing::warn!("answers may be some milliseconds late now and then: {error}");
     }
-    while !ended.load(Ordering::Relaxed) {
-        let removed = node.clean_dead_nodes();
-        if removed > 0 {
-            tracing::info!("cleaned up after {removed} dead nodes");
-        }
-        sleep(CLEANUP_PERIOD);
-    }
+    node.keep_clean(
+        || ended.load(Ordering::Relaxed),
+        |removed| tracing::info!("cleaned up after {removed} dead nodes"),
+    );
 }
 
 #[cfg(test)]

@@ -370,7 +370,7 @@ impl GoalKeeper {
             self.hear_motion(motion);
         }
         let is_overtaken = std::mem::take(&mut self.is_overtaken);
-        self.was_overtaken = is_overtaken;
+        self.was_overtaken = is_overtaken && result.published.is_none();
         let target = self.planned_for.take();
         let Some((kept, target)) = self.kept.as_mut().zip(target) else {
             return;
@@ -444,11 +444,13 @@ impl GoalKeeper {
             }
             MotionOutcome::Refused | MotionOutcome::Stopped | MotionOutcome::SetAside => {}
         }
-        // What was planned last does not bring the robot there any more. Where the controller refuses again and again, there is no hurry.
         if was_refused {
             kept.previous_plan_id = None;
         }
-        if !(was_refused && kept.was_refused) {
+        // A plan in work is made again where the controller has refused its motion. Else what was planned last does not bring the robot there any
+        // more. Where the controller refuses again and again, there is no hurry.
+        let is_made_again = was_refused && self.planned_for == Some(heading.target);
+        if !(is_made_again || was_refused && kept.was_refused) {
             kept.last_planned_for = None;
             if result.refusal == Refusal::SwitchMissed {
                 kept.plan_at_once();

@@ -37,7 +37,7 @@ impl Service {
                 && let Some(attempt) = in_flight.made_again(refusal)
             {
                 let is_missed = matches!(refusal, ExecutionRefusal::SwitchMissed { .. });
-                if is_missed && in_work.is_too_late() {
+                if is_missed && in_work.tell_too_late() {
                     let plan_id = in_flight.plan_id;
                     tracing::info!("the motion of plan {plan_id} is joined again: {refusal}");
                     in_flight.attempt = attempt;
@@ -67,9 +67,15 @@ impl Service {
 
     /// Breaks the running plan off whose motion is on its way, where that is to be left for a request that waits.
     pub(super) fn make_way(&mut self) {
+        // A client's motion ends the goal, and with it what was asked for on its behalf.
+        let has_goal = self.goal.keeper.has_goal();
+        let is_wanted = |queued: &Queued| has_goal || matches!(queued.asker, Asker::Client(_));
         if let Some(in_flight) = &mut self.in_flight
             && in_flight.has_motion_on_its_way()
-            && self.queue.iter().any(Queued::leaves_motion)
+            && self
+                .queue
+                .iter()
+                .any(|queued| queued.leaves_motion() && is_wanted(queued))
         {
             in_flight.makes_way = true;
             in_flight.cancelled.store(true, Ordering::Relaxed);

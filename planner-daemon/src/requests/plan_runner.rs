@@ -80,7 +80,7 @@ pub(crate) struct InWork(SyncSender<Told>);
 
 impl InWork {
     /// Tells the worker that its candidate came too late; returns whether it still waits for that.
-    pub(crate) fn is_too_late(&self) -> bool {
+    pub(crate) fn tell_too_late(&self) -> bool {
         self.0.try_send(Told::TooLate).is_ok()
     }
 }

@@ -2,6 +2,7 @@
 
 use std::env;
 use std::fmt::Debug;
+use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
@@ -21,6 +22,8 @@ use super::{IpcError, IpcOptions, shm_override};
 const ATTEMPTS: usize = 40;
 /// Pause between two attempts.
 const PAUSE: Duration = Duration::from_millis(5);
+/// Time between two looks for dead processes.
+const CLEANUP_PERIOD: Duration = Duration::from_millis(100);
 
 /// A program's node: make one, open services with it, keep it as long as them.
 ///
@@ -29,7 +32,7 @@ const PAUSE: Duration = Duration::from_millis(5);
 pub struct IpcNode {
     node: Node<ipc::Service>,
     options: IpcOptions,
-    _sweeper: Sweeper,
+    _sweeper: Arc<Sweeper>,
 }
 
 impl IpcNode {
@@ -50,7 +53,8 @@ impl IpcNode {
         };
         let name = NodeName::new(name)
             .map_err(|_| failed(iceoryx2::node::NodeCreationFailure::InternalError))?;
-        let sweeper = Sweeper::start(options).map_err(|source| IpcError::Sweeper { source })?;
+        let sweeper =
+            Sweeper::of_process(options).map_err(|source| IpcError::Sweeper { source })?;
         let counter = node_counter(options, &mut config)?;
         let builder = NodeBuilder::new()
             .name(&name)
@@ -73,12 +77,22 @@ impl IpcNode {
         &self.options
     }
 
-    /// Removes what dead processes left behind; a killed peer looks connected until someone does.
-    ///
-    /// Call it about 10 times a second, outside any real-time loop: it lists the nodes' directory. Returns how many
-    /// were removed.
+    /// Removes what dead processes left behind; a killed peer looks connected until someone does. Returns how many were removed. It looks
+    /// at every node, which takes milliseconds.
     pub fn clean_dead_nodes(&self) -> u64 {
         self.node.try_cleanup_dead_nodes().cleanups
+    }
+
+    /// Removes what dead processes left behind ten times a second, until `is_over`, which is asked at once where the thread is unparked;
+    /// `report` hears how many were removed. For a thread that lets all others go first.
+    pub fn keep_clean(&self, is_over: impl Fn() -> bool, report: impl Fn(u64)) {
+        while !is_over() {
+            let removed = self.clean_dead_nodes();
+            if removed > 0 {
+                report(removed);
+            }
+            thread::park_timeout(CLEANUP_PERIOD);
+        }
     }
 
     /// Like [`IpcNode::clean_dead_nodes`], but where another process is cleaning already it waits for that, at most this

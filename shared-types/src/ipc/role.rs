@@ -96,6 +96,7 @@ impl RoleLock {
 /// A process that had a role when it was looked for.
 #[derive(Debug)]
 pub struct RoleHolder {
+    pid: u32,
     /// Readable once the process has ended.
     process: OwnedFd,
 }
@@ -104,9 +105,17 @@ impl RoleHolder {
     /// Who has the role now; none where nobody has it, or it cannot be told.
     #[must_use]
     pub fn find(options: &IpcOptions, role: Role) -> Option<Self> {
-        let pid = Pid::from_raw(RoleLock::holder(options, role)?.try_into().ok()?)?;
-        let process = pidfd_open(pid, PidfdFlags::empty()).ok()?;
-        Some(Self { process })
+        let pid = RoleLock::holder(options, role)?;
+        let process = pidfd_open(Pid::from_raw(pid.try_into().ok()?)?, PidfdFlags::empty()).ok()?;
+        // It may have ended in between, and another have its number.
+        let is_it = RoleLock::holder(options, role) == Some(pid);
+        is_it.then_some(Self { pid, process })
+    }
+
+    /// Whether another one is the same process: of those that live, each has a number of its own.
+    #[must_use]
+    pub fn is(&self, other: &Self) -> bool {
+        self.pid == other.pid && self.lives() && other.lives()
     }
 
     /// Whether it has not ended, by one call of the system.

@@ -17,6 +17,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -43,12 +44,29 @@ pub(super) struct Sweeper {
     _thread: JoinOnDrop,
 }
 
+/// Sweepers of this process that run, by process, because a fork has none of its threads, and options.
+static RUNNING: Mutex<Vec<(u32, IpcOptions, Weak<Sweeper>)>> = Mutex::new(Vec::new());
+
 impl Sweeper {
-    /// Starts the thread.
+    /// The one of this process with these options, which is started where none runs.
     ///
     /// # Errors
     /// What the system says where there can be no more threads.
-    pub(super) fn start(options: &IpcOptions) -> std::io::Result<Self> {
+    pub(super) fn of_process(options: &IpcOptions) -> io::Result<Arc<Self>> {
+        let process = std::process::id();
+        let mut running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);
+        running.retain(|(_, _, sweeper)| sweeper.strong_count() > 0);
+        let mut known = running.iter();
+        let known = known.find(|(of, with, _)| *of == process && with == options);
+        if let Some(sweeper) = known.and_then(|(_, _, sweeper)| sweeper.upgrade()) {
+            return Ok(sweeper);
+        }
+        let sweeper = Arc::new(Self::start(options)?);
+        running.push((process, options.clone(), Arc::downgrade(&sweeper)));
+        Ok(sweeper)
+    }
+
+    fn start(options: &IpcOptions) -> io::Result<Self> {
         let options = options.clone();
         let (stop, stopped) = channel();
         let thread = thread::Builder::new().name("ipc-sweeper".into());
@@ -137,6 +155,22 @@ fn is_half_made(prefix: &str, name: &OsStr, data: &Metadata) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nodes_of_one_process_share_a_sweeper_for_as_long_as_one_of_them_has_it() {
+        let options = |prefix: &str| IpcOptions {
+            prefix: prefix.to_owned(),
+            root: "/tmp/unused".into(),
+        };
+        let first = Sweeper::of_process(&options("one")).unwrap();
+        let second = Sweeper::of_process(&options("one")).unwrap();
+        let other = Sweeper::of_process(&options("other")).unwrap();
+        assert!(Arc::ptr_eq(&first, &second) && !Arc::ptr_eq(&first, &other));
+        let ended = Arc::downgrade(&first);
+        drop((first, second));
+        assert!(ended.upgrade().is_none());
+        assert!(Sweeper::of_process(&options("one")).is_ok());
+    }
 
     #[test]
     fn a_half_made_node_of_a_dead_process_is_removed_once_it_is_old() {

@@ -112,6 +112,10 @@ impl Bench {
     }
 
     fn give_back(&mut self, motion: Motion, ending: Ending) {
+        self.give_back_at(mono_now_ns(), motion, ending);
+    }
+
+    fn give_back_at(&mut self, stamp_ns: i64, motion: Motion, ending: Ending) {
         let path_time_s = match ending {
             Ending::Reached => motion.duration_s(),
             _ => 0.0,
@@ -120,7 +124,7 @@ impl Bench {
             motion,
             ending,
             path_time_s,
-            stamp_ns: mono_now_ns(),
+            stamp_ns,
         };
         assert!(self.at_loop.returns.push(Return::Ended(ended)).is_ok());
     }
@@ -234,6 +238,30 @@ fn a_motion_that_was_left_is_not_named_after_the_one_that_is_followed() {
     bench.relay.round();
     let told = bench.relay.view.message(&bench.relay.link.shared);
     assert_eq!(told.trajectory_id, 9);
+}
+
+#[test]
+fn a_motion_that_was_left_is_not_named_for_the_cycle_of_its_switch_whichever_is_heard_first() {
+    for is_reported_first in [false, true] {
+        let mut bench = Bench::new();
+        bench.report_cycle();
+        let motion = bench.hand_over(8);
+        let stamp_ns = mono_now_ns();
+        let cycle = bench.world.last.as_mut().unwrap();
+        (cycle.trajectory_id, cycle.stamp_ns) = (9, stamp_ns);
+        if is_reported_first {
+            bench.report_cycle();
+            bench.relay.round();
+        }
+        bench.give_back_at(stamp_ns, motion, Ending::Joined(9));
+        bench.relay.round();
+        if !is_reported_first {
+            bench.report_cycle();
+            bench.relay.round();
+        }
+        let told = bench.relay.view.message(&bench.relay.link.shared);
+        assert_eq!(told.trajectory_id, 9);
+    }
 }
 
 #[test]

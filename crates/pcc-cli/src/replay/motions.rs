@@ -10,7 +10,7 @@ use super::recording::Recording;
 
 /// Relative amount by which a limit may be exceeded: rounding.
 const ROUNDING: f64 = 1e-6;
-/// Bending beyond the limit that planning from rest allows, rad.
+/// Bending beyond the limit that planning allows: as far as a start may, and from rest through several goals, rad.
 const BENDING_SLACK_RAD: f64 = 5e-3;
 /// Distance of a set-point from the tendon lengths of its configuration that is none, m.
 const SAME_M: f64 = 1e-5;

@@ -78,37 +78,13 @@ impl MotionConstraints<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixtures::unit_robot;
-    use crate::motion::path_to_trajectory::MOST_CORRECTIONS;
+    use crate::fixtures::{constraints, unit_robot};
     use crate::optimize::smooth_update::PushKernel;
     use crate::optimize::tip_path::TipPaths;
     use crate::path::sine_basis::SineBasis;
-    use crate::problem::BENDING_SLACK_RAD;
     use collision::{Ball, Scene};
     use nalgebra::{Rotation3, Vector3};
-    use pcc_model::UnitRobot;
     use std::sync::atomic::{AtomicUsize, Ordering};
-
-    fn constraints<'a>(
-        robot: &'a UnitRobot,
-        scene: &'a Scene,
-        kernel: &'a PushKernel,
-        tip_paths: &'a TipPaths,
-    ) -> MotionConstraints<'a> {
-        MotionConstraints {
-            robot,
-            padded: robot,
-            scene,
-            moving: &crate::moving_obstacles::NONE,
-            kernel,
-            tip_paths,
-            limits: robot.tendon_limits,
-            knots: 96,
-            bending_slack_rad: BENDING_SLACK_RAD,
-            corrections: MOST_CORRECTIONS,
-            interrupt: &|| false,
-        }
-    }
 
     /// Least clearance of 100 points a section over 2000 instants, by their distances alone; at most 1e-3 above the true one. The
     /// arcs are written down again from `docs/robot.md`, for sections of length 1 and tubes of radius 0.2.

@@ -42,12 +42,11 @@ impl Delivered {
     }
 
     /// Whether this path makes no motion where another one might.
-    fn is_refused_beside(&self, other: &[Configuration]) -> bool {
-        let is_refused = matches!(
+    fn is_refused(&self) -> bool {
+        matches!(
             self.outcome,
             Err(Failure::Time | Failure::Collision | Failure::Bending)
-        );
-        is_refused && self.path != other
+        )
     }
 }
 
@@ -157,8 +156,9 @@ impl MotionConstraints<'_> {
             self.tip_paths
                 .smooth_tip(self.padded, self.scene, SMOOTHED_MARGIN, path)
         });
+        let is_smoothed = delivered.path != corrected;
         self.time_and_certify(delivered, incumbent);
-        if delivered.is_refused_beside(&corrected) {
+        if is_smoothed && delivered.is_refused() {
             delivered.path = corrected;
             self.time_and_certify(delivered, incumbent);
         }
@@ -224,11 +224,12 @@ impl MotionConstraints<'_> {
     /// Bends a path's sections less near the bending limit, by as much as `by_rad` at the limit and beyond, and smoothly less before it: a
     /// motion bends a little further between waypoints. The ends stay.
     fn bend_less(&self, path: &mut Waypoints, by_rad: f64) {
-        let nearby_from_rad = self.robot.bending_limit - NEARBY_RAD;
+        let nearby_rad = NEARBY_RAD.min(self.robot.bending_limit);
+        let nearby_from_rad = self.robot.bending_limit - nearby_rad;
         if let [_, between @ .., _] = path.as_mut_slice() {
             for waypoint in between {
                 for (k, angle) in self.robot.bending_angles(waypoint).into_iter().enumerate() {
-                    let nearness = smooth_step((angle - nearby_from_rad) / NEARBY_RAD);
+                    let nearness = smooth_step((angle - nearby_from_rad) / nearby_rad);
                     if nearness > 0.0 {
                         let scale = 1.0 - by_rad * nearness / angle;
                         waypoint[2 * k] *= scale;
@@ -262,4 +263,63 @@ impl MotionConstraints<'_> {
 fn smooth_step(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x.powi(3) * (10.0 + x * (6.0 * x - 15.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{constraints, unit_robot};
+    use crate::optimize::smooth_update::PushKernel;
+    use crate::optimize::tip_path::TipPaths;
+    use crate::path::sine_basis::SineBasis;
+    use crate::path::waypoints::{WAYPOINTS, parameter};
+    use collision::Scene;
+
+    #[test]
+    fn a_path_along_which_a_motion_bends_a_little_too_far_is_bent_less() {
+        let (robot, scene) = (unit_robot(), Scene::default());
+        let (kernel, tip_paths) = (PushKernel::new(&SineBasis::default()), TipPaths::new());
+        let lax = MotionConstraints {
+            corrections: 0,
+            ..constraints(&robot, &scene, &kernel, &tip_paths)
+        };
+        let path: Waypoints = (0..WAYPOINTS)
+            .map(|h| {
+                let from_middle = parameter(h) - 0.5;
+                let mut configuration = Configuration::zeros();
+                configuration[0] = robot.bending_limit + 2e-3 - 5.0 * from_middle * from_middle;
+                configuration[2] = parameter(h);
+                configuration
+            })
+            .collect();
+        let excess_rad = |constraints: &MotionConstraints| {
+            let delivered = constraints.to_trajectory(path.clone(), false, None);
+            let (_, certified) = delivered.certified().unwrap();
+            let knots = certified.trajectory.knots();
+            assert_eq!(
+                [knots[0].position, knots[knots.len() - 1].position],
+                [path[0], path[WAYPOINTS - 1]]
+            );
+            constraints.bending_excess_rad(&certified.trajectory)
+        };
+        let (too_far, strict) = (excess_rad(&lax), lax.bending_no_more_than(&path[0]));
+        assert!((1e-4..BENDING_SLACK_RAD).contains(&too_far), "{too_far}");
+        let kept = excess_rad(&strict);
+        assert!(kept <= 1e-6, "{kept}");
+    }
+
+    #[test]
+    fn straight_sections_of_a_robot_that_hardly_bends_stay_straight() {
+        let (mut robot, scene) = ((*unit_robot()).clone(), Scene::default());
+        robot.bending_limit = 0.5 * NEARBY_RAD;
+        let robot = robot.to_unit().unwrap();
+        let (kernel, tip_paths) = (PushKernel::new(&SineBasis::default()), TipPaths::new());
+        let constraints = constraints(&robot, &scene, &kernel, &tip_paths);
+        let mut path = vec![Configuration::zeros(); WAYPOINTS];
+        constraints.bend_less(&mut path, 1e-3);
+        assert!(
+            path.iter()
+                .all(|waypoint| *waypoint == Configuration::zeros())
+        );
+    }
 }

@@ -136,8 +136,7 @@ fn after_braking(context: &RequestContext, motion: &StartMotion) -> Result<Plan,
     } = segments_first(context, &joining, &after)?;
     let early = supervision.early_selection;
     let late = early.filter(|_| segments.selected().is_none());
-    let plans_anew = joining.expects_planning_paths_anew(&plan);
-    let [joining_all, joining_again] = match plans_anew {
+    let [joining_all, joining_again] = match joining.expects_planning_paths_anew(&plan) {
         true => [
             ToBeDone::JoiningAndPlanningAnew,
             ToBeDone::PathAgainAndPlanningAnew,
@@ -154,7 +153,6 @@ fn after_braking(context: &RequestContext, motion: &StartMotion) -> Result<Plan,
     let later = || braking_later(context, late?, joining_again);
     let late = late.map(|late| Late {
         braking: &later,
-        plans_anew,
         selected: late.selected,
     });
     Ok(joining.plan(plan, segments, late))
@@ -247,16 +245,13 @@ fn settled<'a>(
     let later = |to_be_done| early.and_then(|early| braking_later(context, early, to_be_done));
     let first = later(match joining.expects_planning_anew(&segments) {
         true => ToBeDone::PlanningAnew,
-        false => segments.to_be_done_again(),
+        false => joining.work_again(&segments),
     });
     let segments = match &first {
         None => joining.with_fastest_improved(segments),
-        Some(braking) => {
-            let joining = joining.to_braking(braking);
-            joining.with_fastest_improved(joining.fastest_again(&segments, goals))
-        }
+        Some(braking) => joining.to_braking(braking).fastest_again(&segments, goals),
     };
-    let asked = segments.selected().map(|_| segments.to_be_done_again());
+    let asked = segments.selected().map(|_| joining.work_again(&segments));
     let Some(second) = asked.and_then(later) else {
         return (segments, first);
     };
@@ -276,7 +271,7 @@ fn told<'a>(
     };
     while let Some(fastest) = segments.selected()
         && (early.selected)(fastest.clone()) == Told::TooLate
-        && let Some(braking) = braking_later(context, early, segments.to_be_done_again())
+        && let Some(braking) = braking_later(context, early, joining.work_again(&segments))
     {
         segments = joining.to_braking(&braking).fastest_again(&segments, goals);
         later = Some(braking);

@@ -18,8 +18,6 @@ use std::sync::atomic::Ordering::Relaxed;
 pub(super) struct Late<'a> {
     /// The braking that motions are then joined to; none where the one before is still in time.
     pub(super) braking: &'a (dyn Fn() -> Option<Braking<'a>> + Sync),
-    /// Whether that leaves time to plan the fastest motion anew.
-    pub(super) plans_anew: bool,
     pub(super) selected: &'a (dyn Fn(Candidate) -> Told + Sync),
 }
 
@@ -94,10 +92,7 @@ impl Joining<'_> {
         mut from_rest: Vec<Candidate>,
         late: Late<'_>,
     ) -> Vec<Joined> {
-        let later = Joining {
-            anew: self.anew.filter(|_| late.plans_anew),
-            ..self.to_braking(braking)
-        };
+        let later = self.to_braking(braking);
         let fastest = select_of(joined).map(|fastest| fastest.draw);
         from_rest.sort_by_key(|it| Some(it.draw) != fastest);
         let mut first: Vec<Joined> = from_rest

@@ -96,8 +96,19 @@ impl<'a> Joining<'a> {
     /// Whether a joined motion is to be planned anew: where that is wanted, and the motion may arrive later than the fastest one after a stop. From
     /// rest none is faster than the straight segment, which takes `straight_s`, by more than [`TIMING_ERROR`].
     pub(super) fn is_to_be_planned_anew(&self, joined: &Candidate, straight_s: f64) -> bool {
-        let least_s = self.braking.motion.duration() + (1.0 - TIMING_ERROR) * straight_s;
-        self.plans_anew() && joined.metrics.duration_s > least_s
+        self.plans_anew() && !self.wins(0.0, joined, straight_s)
+    }
+
+    /// Whether that is to be expected of a joined motion once it is joined to a braking a moment later: where it wins little of this one.
+    pub(super) fn may_be_planned_anew_again(&self, joined: &Candidate, straight_s: f64) -> bool {
+        self.plans_anew() && !self.wins(LITTLE_GAIN, joined, straight_s)
+    }
+
+    /// Whether a joined motion is faster by a share of the braking than any after a stop.
+    fn wins(&self, share: f64, joined: &Candidate, straight_s: f64) -> bool {
+        let braking_s = self.braking.motion.duration();
+        let least_s = (1.0 - share) * braking_s + (1.0 - TIMING_ERROR) * straight_s;
+        joined.metrics.duration_s <= least_s
     }
 
     pub(super) fn plans_anew(&self) -> bool {

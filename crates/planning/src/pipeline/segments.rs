@@ -40,14 +40,6 @@ impl JoinedSegments {
         segments.min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))
     }
 
-    /// What is to be done where the fastest motion is to begin in another state.
-    pub(super) fn to_be_done_again(&self) -> ToBeDone {
-        match self.fastest().is_some_and(|it| !it.is_straight) {
-            true => ToBeDone::PathAgain,
-            false => ToBeDone::SegmentAgain,
-        }
-    }
-
     /// These without segments that were pushed and are not the fastest: other paths to the same goal configurations may be faster.
     fn without_slower_pushed(mut self) -> Self {
         let fastest = self.selected().map(|fastest| fastest.draw);
@@ -92,15 +84,16 @@ impl Joining<'_> {
         segments.without_slower_pushed()
     }
 
-    /// The fastest of known segments, joined to this braking, which begins a moment later: it is still the fastest; where it is not certified from
-    /// there, all segments anew.
+    /// The fastest of known segments, joined to this braking, which begins a moment later, and improved: it is still the fastest; where it is
+    /// not certified from there, all segments anew.
     pub(super) fn fastest_again(
         &self,
         known: &JoinedSegments,
         goals: &[Configuration],
     ) -> JoinedSegments {
         let again = known.fastest().and_then(|it| self.again(it, goals));
-        again.map_or_else(|| self.segments(goals), JoinedSegments::of_fastest)
+        let again = again.map_or_else(|| self.segments(goals), JoinedSegments::of_fastest);
+        self.with_fastest_improved(again)
     }
 
     /// A joined motion joined to this braking, its path moved to where the robot rests after that.
@@ -122,6 +115,17 @@ impl Joining<'_> {
     pub(super) fn expects_planning_anew(&self, segments: &JoinedSegments) -> bool {
         let fastest = segments.fastest();
         fastest.is_some_and(|it| self.is_to_be_planned_anew(&it.joined, it.straight_s))
+    }
+
+    /// What is to be done where the fastest of known segments is to be joined again.
+    pub(super) fn work_again(&self, known: &JoinedSegments) -> ToBeDone {
+        match known.fastest() {
+            Some(it) if it.is_straight => ToBeDone::SegmentAgain,
+            Some(it) if self.may_be_planned_anew_again(&it.joined, it.straight_s) => {
+                ToBeDone::PathAgainAndPlanningAnew
+            }
+            _ => ToBeDone::PathAgain,
+        }
     }
 
     /// The segments, the fastest motion of the request among them improved.

@@ -66,7 +66,10 @@ pub(crate) fn ways(planner: &Planner, state: &State) -> [((Problem, Request), [T
             [ToBeDone::SegmentAgain, ToBeDone::SegmentAgain],
         ),
         (behind(SMALL), [ToBeDone::PathAgain, ToBeDone::PathAgain]),
-        (behind(LARGE), [ToBeDone::PlanningAnew, ToBeDone::PathAgain]),
+        (
+            behind(LARGE),
+            [ToBeDone::PlanningAnew, ToBeDone::PathAgainAndPlanningAnew],
+        ),
         (
             uncorrected(behind(SMALL)),
             [

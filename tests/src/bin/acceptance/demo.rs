@@ -399,6 +399,13 @@ fn followed(
         &format!(">= 0, told: {told_m:.4}"),
         found.at_least_m() >= 0.0 && (told_m - found.sampled_m).abs() < 0.01,
     );
+    let results: usize = told.outcomes.values().sum();
+    report.check(
+        &name("results told, of motions published"),
+        format!("{results} of {}", told.motions),
+        "all",
+        results as u64 == told.motions,
+    );
     let reached = told.outcomes.get("reached").copied().unwrap_or(0);
     report.check(
         &name("how the motions ended"),

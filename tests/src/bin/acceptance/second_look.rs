@@ -22,8 +22,8 @@ const START_TOLERANCE_RAD: f64 = 1e-6;
 const END_TOLERANCE_RAD: f64 = 1e-9;
 /// How far velocity and acceleration may be from those asked for at the start, and from rest at the end, rad/s and rad/s².
 const RATE_TOLERANCE: f64 = 1e-9;
-/// How far beyond its limit a section may bend, rad.
-const BENDING_SLACK_RAD: f64 = 5e-3;
+/// How far beyond its limit, or beyond the start where that bends further, rounding may bend a section, rad.
+const BENDING_ROUNDING_RAD: f64 = 1e-6;
 
 /// The unit robot, which all of these motions are of.
 pub(crate) static BODY: LazyLock<Body> = LazyLock::new(|| {
@@ -77,8 +77,9 @@ impl Demand {
         let knots = plain(motion);
         self.judge_first_and_last(&knots)?;
         let bending_rad = knots::largest_bending_rad(&knots);
+        let of_start = self.start[0].chunks(2).map(|it| it[0].hypot(it[1]));
         ensure!(
-            bending_rad <= *BENDING_LIMIT_RAD + BENDING_SLACK_RAD,
+            bending_rad <= of_start.fold(*BENDING_LIMIT_RAD, f64::max) + BENDING_ROUNDING_RAD,
             "bends by {bending_rad} rad"
         );
         let used = knots::limit_use(&BODY, &knots, &plain_limits(&self.limits));

@@ -131,6 +131,20 @@ fn a_motion_that_came_after_its_switch_is_planned_again_at_once_but_once() {
 }
 
 #[test]
+fn a_plan_in_work_that_is_made_again_for_a_missed_switch_is_not_followed_by_another() {
+    let mut bench = Bench::underway();
+    assert!(bench.after(100, &following(7)).is_some());
+    let motion = PublishedMotion {
+        trajectory_id: 8,
+        duration_s: 1.0,
+    };
+    bench.keeper.hear_motion(motion);
+    bench.keeper.hear_result(&refused(8, Refusal::SwitchMissed));
+    bench.publish(9);
+    assert!(bench.after(21, &following(7)).is_none());
+}
+
+#[test]
 fn a_plan_in_work_is_given_up_for_a_goal_that_has_jumped() {
     let mut bench = Bench::new();
     bench.give(tip_at(1.0, 0));
@@ -197,6 +211,19 @@ fn of_a_goal_that_jumps_about_every_other_plan_is_finished() {
         bench.keeper.hear_plan(&failed(Outcome::Truncated, ""));
     }
     assert_eq!(is_given_up, [true, false, true, false, true, false]);
+}
+
+#[test]
+fn a_plan_whose_motion_is_on_its_way_may_be_given_up_and_the_next_one_too() {
+    let mut bench = Bench::new();
+    bench.give(tip_at(1.0, 0));
+    assert!(bench.after(0, &holding()).is_some());
+    bench.give(tip_at(-1.0, 1));
+    assert!(bench.keeper.overtakes(true, bench.now + 20 * MS));
+    bench.publish(7);
+    assert!(bench.after(25, &following(7)).is_some());
+    bench.give(tip_at(1.0, 2));
+    assert!(bench.keeper.overtakes(false, bench.now + 20 * MS));
 }
 
 #[test]

@@ -176,7 +176,7 @@ impl Figures {
             self.note_begin_at_rest(motion, heard);
         }
         for motion in heard.motions.iter().filter(|it| it.leaves.is_some()) {
-            let asked = self.published.get(&motion.id);
+            let asked = self.published.get(&motion.id).filter(|it| it.in_motion);
             let asked = asked.map(|it| (it.asked.at, it.asked.mono_ns, it.asked.stages_ns));
             let Some(first_ns) = first_followed(&heard.cycles, motion.id) else {
                 let never = asked.map(|(at, ..)| (at, f64::INFINITY));

@@ -110,11 +110,15 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         report.shown(&line("what was asked for"), population);
         faults.show(report, &line);
         let made_again = made_again(&stack.process(Part::Daemon).log());
-        let missed = format!(
-            "{} of {given}: {made_again:?}; and {not_begun} published and not begun",
-            made_again.len()
+        report.check(
+            &line("switches missed, of goals in motion and at rest"),
+            format!(
+                "{} of {given}: {made_again:?}; and {not_begun} published and not begun",
+                made_again.len()
+            ),
+            "<= 2 %",
+            50 * (made_again.len() + not_begun) <= given,
         );
-        report.shown(&line("switches missed, of goals in motion and at rest"), missed);
         show(report, &goals, &stolen);
         Ok(())
     });

@@ -46,7 +46,7 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
     let refused: usize = figures.refusals.values().sum();
     let missed =
         refused + figures.not_begun.len() + figures.made_again.len() + figures.began_at_rest;
-    let replans = figures.joined + refused + figures.began_at_rest;
+    let replans = figures.in_motion;
     let share = 100.0 * missed as f64 / replans.max(1) as f64;
     let figure = format!(
         "{share:.2} % of {replans}: joined or made again {:?}, published and not begun {:?}, begun at rest {}, refused {:?}",

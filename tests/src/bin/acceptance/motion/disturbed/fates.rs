@@ -50,6 +50,7 @@ impl Fates {
             self.results_missed += result.sequence.saturating_sub(self.last_result + 1);
             self.last_result = result.sequence;
         }
+        self.look_at_others(replans, heard);
         for replan in replans {
             self.count_disturbances(replan, heard);
             match fate(replan, replans, heard) {
@@ -57,6 +58,18 @@ impl Fates {
                 Ok(Fate::Ramped(what)) => *self.ramped.entry(what).or_default() += 1,
                 Err(why) => *self.broken.entry(why).or_default() += 1,
             }
+        }
+    }
+
+    /// Motions of requests that found the robot at rest go to their ends, too.
+    fn look_at_others(&mut self, replans: &[Replan], heard: &Heard) {
+        let of_replan = |id: u32| replans.iter().any(|it| it.answer.as_ref() == Ok(&id));
+        let stopped = heard.results.iter().filter(|result| {
+            result.outcome == MotionOutcome::Stopped.code() && !of_replan(result.trajectory_id)
+        });
+        for result in stopped.filter(|result| !is_ramped(result, replans)) {
+            let what = format!("a motion from rest: {}", with_holds(result, replans));
+            *self.broken.entry(what).or_default() += 1;
         }
     }
 

@@ -238,15 +238,15 @@ impl Run {
         report.check(
             &line("actions before the request, from it until the switch or the refusal, later"),
             format!("{before}, {pending}, {later}"),
-            "some until the switch",
-            pending > 0,
+            "a twentieth until the switch",
+            20 * pending >= before + pending + later,
         );
         if self.disturbance.holds_processes() {
             report.check(
                 &line("replans whose switch was to be passed while processes were held"),
                 fates.held_at_switch.to_string(),
-                "> 0",
-                fates.held_at_switch > 0,
+                &format!("> a tenth of {}", figures.in_motion),
+                10 * fates.held_at_switch > figures.in_motion,
             );
         }
         report.at_most(&line("results not heard"), fates.results_missed as f64, 0.0);

@@ -15,9 +15,9 @@ use self::documented::{Documented, table, without_detail};
 use self::outcome::Outcome;
 use self::rows::{ROWS, Row};
 use self::stand::Stand;
+use super::setpoints::{no_offences, within_limits};
 use crate::report::Report;
 use crate::scale::Scale;
-use tests::judge::SENT_USE;
 
 /// How far from its path rounding may bring a set-point, rad.
 const ON_PATH_RAD: f64 = 1e-9;
@@ -79,8 +79,12 @@ fn show(
     report.check(
         &line("what the controller did"),
         told([left, joined]),
-        &told(row.ends),
-        outcome.ends == row.ends,
+        &format!(
+            "{}, as docs/control.md says: {}",
+            told(row.ends),
+            documented.done
+        ),
+        outcome.ends == row.ends && row.ends.iter().all(|end| documented.says_why(end)),
     );
     let notes = stand.notes();
     let figure = format!(
@@ -110,16 +114,13 @@ fn show(
         ON_PATH_RAD,
     );
     let verdict = stand.judged();
-    let used = verdict.velocity.max(verdict.acceleration);
+    within_limits(report, &line, verdict);
+    no_offences(report, &line, verdict);
     report.check(
-        &line("set-points inside all limits"),
-        format!(
-            "{used:.7} of a limit at most; {} offences {:?}",
-            verdict.offence_count,
-            verdict.offences.first()
-        ),
-        "0 offences",
-        verdict.offence_count == 0 && used <= SENT_USE && verdict.setpoints > 0,
+        &line("how it recovers, as docs/control.md says"),
+        row.recovery.to_owned(),
+        &documented.recovery,
+        row.recovery == documented.recovery,
     );
     let what = format!("{}, and a new plan is executed to its end", row.recovery);
     let figure = recovered

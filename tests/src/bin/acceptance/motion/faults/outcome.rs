@@ -95,12 +95,14 @@ fn samples(heard: &Heard, fault_ns: i64) -> Vec<Sample> {
 /// The largest way of a tendon, mm, and the time until the last sample that moves, s.
 fn movement(samples: &[Sample], fault_ns: i64) -> (f64, f64) {
     let after = samples.partition_point(|it| it.stamp_ns <= fault_ns);
-    let (Some(before), Some(last)) = (samples[..after].last(), samples.last()) else {
+    let Some(before) = samples[..after].last() else {
         return (f64::NAN, f64::NAN);
     };
     let mut moved_m = 0.0;
-    for (from, to) in before.position_m.iter().zip(&last.position_m) {
-        raise(&mut moved_m, (to - from).abs());
+    for sample in &samples[after..] {
+        for (from, to) in before.position_m.iter().zip(&sample.position_m) {
+            raise(&mut moved_m, (to - from).abs());
+        }
     }
     let moves = |it: &&Sample| it.velocity_m_s.iter().any(|v| v.abs() > AT_REST_M_S);
     let last_moved = samples[after..].iter().rev().find(moves);

@@ -3,6 +3,7 @@
 use std::thread::sleep;
 use std::time::Duration;
 
+use client::ScenePublisher;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{CommandRefusal, LoopFault, Refusal};
 use shared_types::message::TrajectoryMessage;
@@ -122,6 +123,8 @@ pub(super) const ROWS: &[Row] = &[
     Row {
         name: "flood of scenes",
         inject: flood_scenes,
+        mend: sign_off_floods,
+        recovery: "the sources are signed off (`pcc scene leave`): what they told counts for its lifetime",
         ..ROW
     },
     Row {
@@ -154,7 +157,7 @@ pub(super) const ROWS: &[Row] = &[
             "stopped (the daemon was lost)",
             "set aside before its begin (the daemon was lost)",
         ],
-        recovery: "it goes on with the daemon",
+        recovery: "nothing is to be done once it goes on",
         ..ROW
     },
     Row {
@@ -190,7 +193,7 @@ pub(super) const ROWS: &[Row] = &[
             "set aside before its begin (a fault, robot lost)",
         ],
         mend: |stand| reset(stand, LoopFault::RobotLost),
-        recovery: "the robot goes on, and a reset",
+        recovery: "a reset once it goes on",
         ..ROW
     },
     Row {
@@ -209,7 +212,7 @@ pub(super) const ROWS: &[Row] = &[
             "set aside before its begin (a fault, robot ramped to rest)",
         ],
         mend: |stand| reset(stand, LoopFault::RobotRampedToRest),
-        recovery: "the controller goes on, and a reset",
+        recovery: "a reset once it goes on",
         ..ROW
     },
 ];
@@ -249,6 +252,11 @@ fn repeat_id(stand: &mut Stand, _: &Joining) -> anyhow::Result<i64> {
     repeated.knots[1].time_s = f64::NAN;
     let fault_ns = mono_now_ns();
     stand.bridge().send(&[repeated]);
+    wait_for("it is refused in the log", PROMPT, || {
+        let log = stand.stack.process(Part::Controller).log();
+        log.contains("what repeats the id of a motion under way is refused")
+            .then_some(())
+    })?;
     Ok(fault_ns)
 }
 
@@ -297,6 +305,17 @@ fn flood_scenes(stand: &mut Stand, _: &Joining) -> anyhow::Result<i64> {
     );
     stand.note(format!("{sent} scenes of {alive} publishers"));
     Ok(fault_ns)
+}
+
+/// Without that nothing would be executed once what they told ends.
+fn sign_off_floods(stand: &mut Stand) -> anyhow::Result<()> {
+    for index in 0..FLOODING {
+        let name = format!("flood {index}");
+        let mut source = ScenePublisher::connect(&stand.stack.world.options, &name)?;
+        source.take_leave()?;
+        source.confirm(PROMPT)?;
+    }
+    Ok(())
 }
 
 fn tear(stand: &mut Stand, _: &Joining) -> anyhow::Result<i64> {

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::LoopState;
 use shared_types::message::Cycle;
-use shared_types::valid::Goal;
+use shared_types::valid::{Command, Goal};
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::crossing_balls::Crossing;
 use tests::judge::{Judge, Verdict};
@@ -159,8 +159,12 @@ fn one(
     let lasted_s = begun.elapsed().as_secs_f64();
     let ended_ns = mono_now_ns();
     let replans = follower.end()?;
-    let published_ns = scenes.end()?;
+    if !is_there {
+        stack.controller.command(Command::Stop, PATIENCE)?;
+    }
     wait_until_held(stack)?;
+    let rests_ns = mono_now_ns();
+    let published_ns = scenes.end()?;
     sleep(Duration::from_millis(30));
     let heard = listener.take();
     judge.look(&heard);
@@ -174,8 +178,8 @@ fn one(
             let ball = std::slice::from_ref(ball);
             let seen_ns = published_ns.unwrap_or(ended_ns);
             Touch {
-                clearance_m: clearance_m(body, &heard.cycles, ball, [begun_ns, ended_ns]),
-                at_rest_m: clearance_at_rest_m(body, &heard.cycles, ball, [ended_ns, gone_ns]),
+                clearance_m: clearance_m(body, &heard.cycles, ball, [begun_ns, rests_ns]),
+                at_rest_m: clearance_at_rest_m(body, &heard.cycles, ball, [rests_ns, gone_ns]),
                 stop_is_clear: seen_ns < ended_ns
                     && stays_clear_after_a_stop(
                         body,
