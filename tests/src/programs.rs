@@ -15,7 +15,6 @@ const PROGRAMS: [(&str, &str); 5] = [
     ("dynamixel-robot", "dynamixel-robot"),
     ("pcc", "pcc-cli"),
 ];
-const SOURCES: [&str; 4] = ["shared-types", "planner-daemon", "controller", "crates"];
 
 /// The repository's root folder.
 #[must_use]
@@ -28,7 +27,7 @@ pub fn repository() -> PathBuf {
 
 /// The path of a program, built in the profile of the program that asks.
 ///
-/// `cargo test --workspace` builds most of them before the tests begin; what is missing or old is built here, once.
+/// `cargo test --workspace` builds them before the tests begin; what is missing or old is built here, once.
 #[must_use]
 pub fn program(name: &str) -> PathBuf {
     static BUILT: Once = Once::new();
@@ -48,14 +47,27 @@ fn profile_folder() -> PathBuf {
 
 fn build_if_old() {
     let folder = profile_folder();
-    let built = PROGRAMS.map(|(name, _)| modified(&folder.join(name)));
-    let newest_source = SOURCES
-        .iter()
-        .filter_map(|source| newest_rust_file(&repository().join(source)))
-        .max();
-    if built.iter().any(|time| *time < newest_source) {
+    let programs = PROGRAMS.map(|(name, _)| folder.join(name));
+    if programs.iter().any(|program| is_old(program)) {
         build(&folder);
     }
+}
+
+/// Whether a program is missing, or older than one of the files that Cargo noted beside it as its sources.
+fn is_old(program: &Path) -> bool {
+    let (Some(built), Ok(noted)) = (
+        modified(program),
+        fs::read_to_string(program.with_extension("d")),
+    ) else {
+        return true;
+    };
+    let sources = noted.split_once(": ").map_or("", |(_, sources)| sources);
+    // A space in a path is noted with a backslash before it.
+    let sources = sources.trim_end().replace("\\ ", "\0");
+    sources.split(' ').any(|source| {
+        let time = modified(Path::new(&source.replace('\0', " ")));
+        time.is_none_or(|time| time > built)
+    })
 }
 
 fn build(folder: &Path) {
@@ -66,7 +78,7 @@ fn build(folder: &Path) {
     }
     if folder.ends_with("release") {
         // With the features that scripts/acceptance builds them with, so that nothing is built twice.
-        cargo.args(["--release", "-p", "tests"]);
+        cargo.args(["--release", "-p", "acceptance", "-p", "tests"]);
     }
     cargo.arg("--target-dir").arg(folder.parent().unwrap());
     assert!(
@@ -77,17 +89,4 @@ fn build(folder: &Path) {
 
 fn modified(file: &Path) -> Option<SystemTime> {
     fs::metadata(file).ok()?.modified().ok()
-}
-
-fn newest_rust_file(folder: &Path) -> Option<SystemTime> {
-    let entries = fs::read_dir(folder).ok()?.filter_map(Result::ok);
-    let time = |entry: fs::DirEntry| {
-        let path = entry.path();
-        match path.extension().and_then(|extension| extension.to_str()) {
-            Some("rs") => modified(&path),
-            _ if path.is_dir() && entry.file_name() != "tests" => newest_rust_file(&path),
-            _ => None,
-        }
-    };
-    entries.filter_map(time).max()
 }

@@ -387,7 +387,7 @@ fn counted_by_another_reader(
     let python: PathBuf = environment("venv-mcap", "mcap", |pip| {
         pip.args(["mcap>=1.2,<2"]);
     })?;
-    let script = repository().join("tests/src/bin/acceptance/join/count_messages.py");
+    let script = repository().join("tests/acceptance/src/join/count_messages.py");
     let mut counting = Command::new(python);
     counting.arg(script).arg(file);
     if !is_whole {

@@ -140,7 +140,7 @@ fn with_folder_of(python: &Path) -> anyhow::Result<OsString> {
 
 /// A file of this suite.
 pub(super) fn beside(name: &str) -> PathBuf {
-    let folder = repository().join("tests/src/bin/acceptance/join");
+    let folder = repository().join("tests/acceptance/src/join");
     folder.join(name)
 }
 

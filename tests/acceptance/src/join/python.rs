@@ -31,14 +31,14 @@ const ROUNDS: u32 = 6;
 const FLAT_KB: u64 = 512;
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
-    let command = "tests/src/bin/acceptance/join/plans.py";
+    let command = "tests/acceptance/src/join/plans.py";
     report.group("Python: round trips", command, |report| {
         round_trips(report, scale)
     });
     report.group("Python: views and memory", command, |report| {
         views_and_memory(report, scale)
     });
-    let command = "tests/src/bin/acceptance/join/waits.py";
+    let command = "tests/acceptance/src/join/waits.py";
     report.group("Python: threads and Ctrl-C", command, waits);
     report.group(
         "Python: notebook",
@@ -56,7 +56,7 @@ struct Plans {
 
 impl Plans {
     fn start(world: &World) -> anyhow::Result<Self> {
-        let script = repository().join("tests/src/bin/acceptance/join/plans.py");
+        let script = repository().join("tests/acceptance/src/join/plans.py");
         let mut process = Command::new(python_client()?)
             .arg(script)
             .args(TIP_M.map(|axis| axis.to_string()))
@@ -266,7 +266,7 @@ fn outlives_its_answer(
 /// While a call waits for a daemon that is held, another Python thread counts, and Ctrl-C ends the call.
 fn waits(report: &mut Report) -> anyhow::Result<()> {
     let mut stack = daemon()?;
-    let script = repository().join("tests/src/bin/acceptance/join/waits.py");
+    let script = repository().join("tests/acceptance/src/join/waits.py");
     let mut arguments = vec![script.display().to_string()];
     arguments.extend(TIP_M.map(|axis| axis.to_string()));
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();

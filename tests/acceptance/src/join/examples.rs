@@ -85,7 +85,7 @@ impl Examples {
         report.group(&group("follow trajectories"), self.command, |report| {
             self.follow(report)
         });
-        let command = "tests/src/bin/acceptance/join/asks*";
+        let command = "tests/acceptance/src/join/asks*";
         report.group(&group("another robot"), command, |report| {
             self.other_robot(report, &(self.asks)()?)
         });
