@@ -174,6 +174,14 @@ impl Body {
         *self.backbone(configuration).last().expect("it has points")
     }
 
+    /// Distance of the tip that a configuration means from a point, m.
+    #[must_use]
+    pub fn tip_error(&self, configuration: &Configuration, point: &Vector) -> f64 {
+        let tip = self.tip(configuration);
+        let squares = tip.iter().zip(point).map(|(a, b)| (a - b).powi(2));
+        squares.sum::<f64>().sqrt()
+    }
+
     /// Least distance between the tube's surface and the balls' at an instant, m; infinite without balls.
     ///
     /// The true one differs by at most [`Body::chord_error_m`].

@@ -40,6 +40,8 @@ const RATE_HZ: i64 = 250;
 const LAG_MS: f64 = 15.3;
 /// The servos' watchdog, ms: bytes on a pseudo-terminal wait for the kernel now and then.
 const WATCHDOG_MS: i64 = 100;
+/// Speed of homing, turns a minute.
+const HOME_SPEED_RPM: f64 = 10.0;
 /// Step of the motors' motion.
 const STEP: Duration = Duration::from_micros(500);
 /// The line's link in the bank's folder.
@@ -165,6 +167,14 @@ impl ServoBank {
         }
     }
 
+    /// The settings of [`ServoBank::write_config`] that are not the shipped ones, beside what names robot and line.
+    #[must_use]
+    pub fn settings() -> String {
+        format!(
+            "rate_hz {RATE_HZ}, bus_watchdog_ms {WATCHDOG_MS}, lag_ms {LAG_MS}, home_speed_rpm {HOME_SPEED_RPM}"
+        )
+    }
+
     /// Writes a configuration of `dynamixel-robot` for these servos, which count as silent after the shipped time if `silent_ms` is none.
     ///
     /// # Panics
@@ -181,7 +191,7 @@ impl ServoBank {
             ("rate_hz".to_owned(), RATE_HZ.into()),
             ("lag_ms".to_owned(), LAG_MS.into()),
             ("bus_watchdog_ms".to_owned(), WATCHDOG_MS.into()),
-            ("home_speed_rpm".to_owned(), 10.0.into()),
+            ("home_speed_rpm".to_owned(), HOME_SPEED_RPM.into()),
         ]);
         config.extend(silent_ms.map(|silent_ms| ("silent_ms".to_owned(), silent_ms.into())));
         fs::write(file, config.to_string()).unwrap();

@@ -5,7 +5,7 @@ use std::thread::{scope, sleep};
 use std::time::Duration;
 
 use client::{Candidate, Client, ClientError, ControllerView, RobotView};
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::Configuration;
 use realtime::use_fifo_priority;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState, Outcome};
@@ -448,20 +448,14 @@ impl Stack {
             .robot
             .latest()?
             .map_or([0.0; 6], |state| state.values.measured_configuration_rad);
-        let robot = &self.world.robot;
+        let body = self.world.body();
         Ok(Motion {
             trajectory_id: id,
-            commanded_tip_error: tip_error(robot, &end.values.commanded_configuration_rad, &tip),
-            measured_tip_error: tip_error(robot, &measured, &tip),
+            commanded_tip_error: body.tip_error(&end.values.commanded_configuration_rad, &tip),
+            measured_tip_error: body.tip_error(&measured, &tip),
             duration_s: end.values.trajectory_time_s,
         })
     }
-}
-
-/// Distance of the tip that a configuration means from a point, m.
-#[must_use]
-pub fn tip_error(robot: &Robot, configuration: &[f64; 6], tip: &[f64; 3]) -> f64 {
-    (robot.tip(&Configuration::from(*configuration)) - Point::from(*tip)).norm()
 }
 
 fn trajectory_of(candidate: &Candidate<'_>) -> Trajectory {

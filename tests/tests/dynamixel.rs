@@ -9,7 +9,7 @@ use shared_types::valid::Goal;
 use tests::process::wait_for;
 use tests::servo_bank::Faults;
 use tests::servo_stack::{BAUD, ServoStack, bank, home, start};
-use tests::stack::{PATIENCE, tip_error};
+use tests::stack::PATIENCE;
 use tests::world::{Settings, World};
 
 const TIP_M: [f64; 3] = [1.0, 0.5, 2.3];
@@ -40,14 +40,14 @@ fn a_homed_robot_goes_where_it_is_sent() {
     hold(&mut all);
     let state = all.stack.controller_state();
     let measured = &state.values.measured_configuration_rad;
-    let world = &all.stack.world;
-    let error_m = tip_error(&world.robot, measured, &TIP_M);
+    let body = all.stack.world.body();
+    let error_m = body.tip_error(measured, &TIP_M);
     assert!(error_m <= 0.03, "{error_m} m: {}", all.driver.log());
     // What the motors did themselves, without the driver's word for it: relative to the homed robot.
     let ended_m = all.bank.lengths_m();
     let moved_m = std::array::from_fn(|k| ended_m[k] - begun_m[k]);
-    let shape = world.body().explain(&moved_m).configuration;
-    let error_m = tip_error(&world.robot, &shape, &TIP_M);
+    let shape = body.explain(&moved_m).configuration;
+    let error_m = body.tip_error(&shape, &TIP_M);
     assert!(error_m <= 0.03, "{error_m} m");
 }
 

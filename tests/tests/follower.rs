@@ -116,8 +116,8 @@ fn a_program_that_ends_in_motion_comes_to_rest_first_and_leaves_the_place() {
     let cycles = program.end();
     assert_comes_to_rest_within_limits(&stack, &cycles);
     let last = cycles.last().unwrap();
-    let goal_m =
-        tests::stack::tip_error(&stack.world.robot, &last.commanded.position.into(), &TIP_M);
+    let body = stack.world.body();
+    let goal_m = body.tip_error(&last.commanded.position.into(), &TIP_M);
     assert!(goal_m > 0.05, "it stopped on the way: {goal_m} m");
     open(&stack.world).unwrap();
 }

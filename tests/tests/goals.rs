@@ -12,7 +12,7 @@ use shared_types::message;
 use shared_types::valid::{Command, Goal, GoalStatus, PlanRequest, StandingGoal};
 use tests::listener::Listener;
 use tests::process::wait_for;
-use tests::stack::{NO_DEADLINE, PATIENCE, Part, Stack, tip_error};
+use tests::stack::{NO_DEADLINE, PATIENCE, Part, Stack};
 use tests::world::Settings;
 
 /// Three tips that can be reached, m.
@@ -82,7 +82,7 @@ fn expect(goal: &mut GoalSender, state: GoalState) -> GoalStatus {
 
 fn assert_at(stack: &mut Stack, position_m: [f64; 3]) {
     let configuration = stack.commanded().into();
-    let error_m = tip_error(&stack.world.robot, &configuration, &position_m);
+    let error_m = stack.world.body().tip_error(&configuration, &position_m);
     assert!(error_m <= 0.01, "{error_m} m from {position_m:?}");
 }
 
@@ -168,7 +168,7 @@ fn a_goal_that_is_withdrawn_brakes_the_robot_and_another_one_may_be_given_at_onc
     goal.withdraw().unwrap();
     expect(&mut goal, GoalState::Ended);
     let rested = rests(&mut stack);
-    let error_m = tip_error(&stack.world.robot, &rested, &TIPS_M[0]);
+    let error_m = stack.world.body().tip_error(&rested, &TIPS_M[0]);
     assert!(
         error_m > 0.05,
         "the premise, it was on its way: {error_m} m"

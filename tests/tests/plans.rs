@@ -10,7 +10,7 @@ use tests::borders::send_malformed;
 use tests::concurrency::{CLIENTS, ask_at_once, general_requests};
 use tests::process::Process;
 use tests::raw::{RawClient, good_request};
-use tests::stack::{NO_DEADLINE, PATIENCE, Part, Stack, tip_error};
+use tests::stack::{NO_DEADLINE, PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 use toml::Value;
 
@@ -38,12 +38,13 @@ fn a_plan_starts_and_ends_where_it_should() {
     let answer = stack.client.plan(&request, PATIENCE).unwrap();
     assert_eq!(answer.report().outcome, Outcome::Ok);
     assert_eq!(answer.candidates().len(), 4);
+    let body = stack.world.body();
     for candidate in answer.candidates() {
         let (first, last) = (candidate.knots[0], *candidate.knots.last().unwrap());
         assert_eq!(first.configuration_rad, [0.0; 6]);
         assert_eq!(first.velocity_rad_s, [0.0; 6]);
         assert_eq!(last.velocity_rad_s, [0.0; 6]);
-        assert!(tip_error(&stack.world.robot, &last.configuration_rad, &GOAL) <= 0.01);
+        assert!(body.tip_error(&last.configuration_rad, &GOAL) <= 0.01);
         assert_eq!(
             last.time_s.to_bits(),
             candidate.summary.duration_s.to_bits()

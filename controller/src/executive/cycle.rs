@@ -58,6 +58,8 @@ pub struct CycleOutput {
     pub fault: LoopFault,
     /// Why the robot is not held.
     pub waiting: Waiting,
+    /// Hash of the robot file that the robot is set up for; 0 before its first state.
+    pub robot_hash: u64,
     /// Distance of the robot's accepted set-point from the tendon lengths of every configuration, m.
     pub accepted_residual_m: f64,
     /// Robot states that were refused since the loop began.

@@ -437,6 +437,7 @@ impl Executive {
             state: self.state,
             fault: self.fault,
             waiting: self.waiting(),
+            robot_hash: robot.map_or(0, |robot| robot.robot_hash),
             accepted_residual_m: robot.map_or(0.0, |robot| self.accepted_residual_m(robot)),
             refused_robot_states: self.refused_robot_states,
             trajectory_id: followed.trajectory_id,

@@ -68,9 +68,13 @@ pub(super) fn fault(output: &CycleOutput, settings: &ExecutiveSettings) -> Strin
     }
 }
 
-/// What the loop waits for, where it does not hold the robot.
-pub(super) fn waiting(output: &CycleOutput) -> String {
+/// What the loop waits for, where it does not hold the robot; `own_robot` is the hash of the controller's robot file.
+pub(super) fn waiting(output: &CycleOutput, own_robot: u64) -> String {
     match output.waiting {
+        Waiting::OtherRobot => format!(
+            "another robot: it is {:016x}, this controller's {own_robot:016x}: their robot files differ",
+            output.robot_hash
+        ),
         Waiting::OffTendonMap => format!(
             "the accepted set-point is {:.1e} m off the tendon lengths of every configuration, {CONSISTENCY_M:.0e} m are allowed",
             output.accepted_residual_m
@@ -112,15 +116,20 @@ mod tests {
     fn what_is_waited_for_says_what_is_allowed() {
         let mut output = World::holding().last.unwrap();
         (output.waiting, output.accepted_residual_m) = (Waiting::OffTendonMap, 3.2e-4);
-        let said = waiting(&output);
+        let said = waiting(&output, 7);
         assert!(
             said.contains("3.2e-4 m off") && said.contains("1e-6 m are allowed"),
             "{said}"
         );
         (output.waiting, output.refused_robot_states) = (Waiting::OldRobotState, 12);
         assert_eq!(
-            waiting(&output),
+            waiting(&output, 7),
             "robot state too old: 12 robot states refused so far"
+        );
+        (output.waiting, output.robot_hash) = (Waiting::OtherRobot, 0xab);
+        assert_eq!(
+            waiting(&output, 7),
+            "another robot: it is 00000000000000ab, this controller's 0000000000000007: their robot files differ"
         );
     }
 

@@ -179,10 +179,14 @@ impl LoopView {
 
     /// What happened where a fault is latched, and what the loop waits for where it does not hold the robot.
     fn reason(&self, output: &CycleOutput) -> String {
-        match (self.fault_reason.as_str(), output.waiting) {
-            (fault, Waiting::None) => fault.to_owned(),
-            ("", _) => explain::waiting(output),
-            (fault, _) => format!("{fault}; not held: {}", explain::waiting(output)),
+        let fault = self.fault_reason.as_str();
+        if output.waiting == Waiting::None {
+            return fault.to_owned();
+        }
+        let waiting = explain::waiting(output, self.published.robot_hash);
+        match fault {
+            "" => waiting,
+            _ => format!("{fault}; not held: {waiting}"),
         }
     }
 

@@ -11,7 +11,7 @@ use super::{Experiment, READY_WITHIN};
 use crate::disturbance::Kind;
 use crate::retries::without_numbers;
 use crate::rounds::{goal_of, somewhere_near};
-use crate::stack::{MoveError, Part, tip_error};
+use crate::stack::{MoveError, Part};
 use crate::supervision::{Reaction, Since, Watch};
 
 /// Pause before a motion that was refused is asked for again.
@@ -67,9 +67,9 @@ impl Experiment<'_> {
             Err(error) => return Err(error.to_string()),
         };
         let goal = goal_of(&request).expect("it has one");
-        let robot = &self.stack.world.robot;
-        let tip = robot.tip(&goal.into()).into();
-        let error = tip_error(robot, &end.values.commanded_configuration_rad, &tip);
+        let body = self.stack.world.body();
+        let tip = body.tip(&goal);
+        let error = body.tip_error(&end.values.commanded_configuration_rad, &tip);
         self.survival.tip_error_m = self.survival.tip_error_m.max(error);
         if error > 0.01 {
             return Err(format!("ended {error:.4} m from its goal"));

@@ -135,6 +135,7 @@ fn what_a_starting_controller_waits_for_has_a_name() {
             let output = world.controller_cycle(RobotUpdate::State(&robot));
             assert_eq!((output.state, output.send), (LoopState::Starting, false));
             assert_eq!(output.waiting, reason);
+            assert_eq!(output.robot_hash, robot.robot_hash);
             let off_map = reason == Waiting::OffTendonMap;
             assert_eq!((output.accepted_residual_m - 1.1e-6).abs() < 1e-9, off_map);
         }

@@ -32,8 +32,6 @@ const GONE_WITHIN: Duration = Duration::from_secs(5);
 const CLEANED_AFTER: Duration = Duration::from_secs(1);
 /// An example has started and sent its request within this.
 const STARTED_WITHIN: Duration = Duration::from_secs(5);
-/// Share of a request's usual time within which its client is killed while it asks: the answer may come sooner.
-const ASKING_SHARE: f64 = 0.5;
 /// Most kills of a stage for each one that must meet it: a client may be quicker than usual.
 const TRIES: usize = 3;
 /// Between two looks at the nodes.
@@ -257,6 +255,8 @@ struct Usual {
     joining_s: f64,
     /// From then until its answer is sent.
     asking_s: f64,
+    /// From then until it has ended, with the result of its motion.
+    waiting_s: f64,
 }
 
 impl Usual {
@@ -267,6 +267,7 @@ impl Usual {
         Ok(Self {
             joining_s: there.joining_s.min(back.joining_s),
             asking_s: there.asking_s.min(back.asking_s),
+            waiting_s: there.waiting_s.min(back.waiting_s),
         })
     }
 
@@ -284,11 +285,12 @@ impl Usual {
         heard(&events.asked).with_context(|| client.log())?;
         let joining_s = begun.elapsed().as_secs_f64();
         heard(&events.answered).with_context(|| client.log())?;
-        let asking_s = begun.elapsed().as_secs_f64() - joining_s;
+        let answered = Instant::now();
         client.wait(PATIENCE)?;
         Ok(Self {
             joining_s,
-            asking_s,
+            asking_s: (answered - begun).as_secs_f64() - joining_s,
+            waiting_s: answered.elapsed().as_secs_f64(),
         })
     }
 }
@@ -343,7 +345,7 @@ impl StageWatch<'_> {
             }
             Stage::Asking => {
                 heard(&self.events.asked)?;
-                ASKING_SHARE * usual.asking_s
+                usual.asking_s
             }
             Stage::Answered => {
                 heard(&self.events.answered)?;
@@ -351,7 +353,7 @@ impl StageWatch<'_> {
             }
             Stage::Waiting => {
                 heard(&self.events.answered)?;
-                0.5
+                usual.waiting_s
             }
         };
         sleep(Duration::from_secs_f64(random.random_range(0.0..longest_s)));
@@ -359,21 +361,23 @@ impl StageWatch<'_> {
     }
 }
 
-/// Joins as the next client, as soon as there is a place, and plans; what it was answered where that has not given all candidates that were
-/// wanted, and how long it took.
+/// Joins as the next client, as soon as there is a place, and plans once; what it was answered where that has not given all candidates that
+/// were wanted, and how long both took.
 fn serve(world: &World) -> anyhow::Result<(Option<String>, Duration)> {
     let begun = Instant::now();
     let request = PlanRequest {
         candidate_count: SERVED_CANDIDATES,
         ..PlanRequest::new([0.0; 6], Goal::tip(TIP_M))
     };
-    let unserved = wait_for("a place and an answer", PATIENCE, || {
-        let mut client = Client::connect(&world.options).ok()?;
-        let answer = client.plan(&request, PATIENCE).ok()?;
-        let (report, count) = (answer.report(), answer.candidates().len());
-        let is_whole = report.outcome == Outcome::Ok && count == SERVED_CANDIDATES;
-        let told = || format!("{count} candidates, {}: {}", report.outcome, report.reason);
-        Some((!is_whole).then(told))
-    })?;
+    let mut client = wait_for("a place", PATIENCE, || Client::connect(&world.options).ok())?;
+    let unserved = match client.plan(&request, PATIENCE) {
+        Ok(answer) => {
+            let (report, count) = (answer.report(), answer.candidates().len());
+            let is_whole = report.outcome == Outcome::Ok && count == SERVED_CANDIDATES;
+            let told = || format!("{count} candidates, {}: {}", report.outcome, report.reason);
+            (!is_whole).then(told)
+        }
+        Err(error) => Some(error.to_string()),
+    };
     Ok((unserved, begun.elapsed()))
 }

@@ -5,16 +5,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail, ensure};
 use client::ScenePublisher;
-use pcc_model::Robot;
 use shared_types::codes::LoopState;
 use shared_types::ipc::{IpcNode, newest, scene_service, subscriber};
 use shared_types::valid::{ControllerState, Goal, PlanRequest};
-use tests::fnv1a;
 use tests::process::{Process, TimedOut, wait_for};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 
-use super::lines;
+use super::{lines, other_robots};
 use crate::report::Report;
 
 /// The examples of each language.
@@ -87,7 +85,7 @@ impl Examples {
         });
         let command = "tests/acceptance/src/join/asks*";
         report.group(&group("another robot"), command, |report| {
-            self.other_robot(report, &(self.asks)()?)
+            other_robots::run(self, report)
         });
         report.group(&group("no arguments"), self.command, |report| {
             self.usage(report)
@@ -134,7 +132,7 @@ impl Examples {
     /// That a planned motion was reached, as its last line says.
     pub(super) fn is_reached(&self, report: &mut Report, what: &str, planned: &str) {
         let last = planned.lines().last().unwrap_or_default().to_owned();
-        let reached = last.contains("reached");
+        let reached = last.starts_with("reached");
         report.check(&self.line(what), last, "reached", reached);
     }
 
@@ -243,7 +241,7 @@ impl Examples {
         stack.start(Part::Controller);
         let state = self.moves(report, &mut stack, "drive", "robots/unit.toml")?;
         let measured_rad = &state.values.measured_configuration_rad;
-        let error = tests::stack::tip_error(&stack.world.robot, measured_rad, &TIP_M);
+        let error = stack.world.body().tip_error(measured_rad, &TIP_M);
         report.at_most(&self.line("tip error as measured, m"), error, 0.03);
         Ok(())
     }
@@ -254,7 +252,7 @@ impl Examples {
         stack.start(Part::Daemon);
         let state = self.moves(report, &mut stack, "follow", "controller.toml")?;
         let commanded_rad = &state.values.commanded_configuration_rad;
-        let error = tests::stack::tip_error(&stack.world.robot, commanded_rad, &TIP_M);
+        let error = stack.world.body().tip_error(commanded_rad, &TIP_M);
         report.at_most(&self.line("tip error as commanded, m"), error, 0.01);
         Ok(())
     }
@@ -277,53 +275,6 @@ impl Examples {
         let state = stack.controller_state();
         process.kill9();
         Ok(state)
-    }
-
-    /// A client that states its robot file is refused by a daemon of another one, which names both; by one of the same it receives the
-    /// bytes that a client in Rust receives for the same request.
-    fn other_robot(&self, report: &mut Report, program: &Program) -> anyhow::Result<()> {
-        let mut stack = Stack::new(&Settings::default());
-        let own = stack.world.config("robots/unit.toml");
-        let robot = std::fs::read_to_string(&own)?;
-        let other = own.with_file_name("other.toml");
-        std::fs::write(&other, robot.replace("name = \"", "name = \"another "))?;
-        stack.start(Part::Daemon);
-        stack.client.wait_for_daemon(PATIENCE)?;
-        let request = PlanRequest {
-            candidate_count: 10,
-            ..PlanRequest::new([0.0; 6], Goal::tip(TIP_M))
-        };
-        let answer = stack.client.plan(&request, PATIENCE)?;
-        let received = format!("\n10 candidates {:016x}", fnv1a::of_knots(&answer));
-        drop(answer);
-        let told = self.asked(&stack.world, program, &own)?;
-        let line = self.line("bytes of the candidates' knots as received");
-        let is_same = told.starts_with("ok") && told.ends_with(&received);
-        let bar = format!("ok, {} as in Rust", received.trim());
-        report.check(&line, told, &bar, is_same);
-        let told = self.asked(&stack.world, program, &other)?;
-        let [own, other] = [&own, &other].map(|file| Robot::from_file(file));
-        let names = format!(
-            "wrong robot: the request is for robot {:016x}, this daemon plans for robot {:016x}",
-            other?.hash(),
-            own?.hash()
-        );
-        let line = self.line("outcome for a client of another robot file");
-        let is_refused = told.starts_with(&names)
-            && told.ends_with(&format!("\n0 candidates {:016x}", fnv1a::OF_NOTHING));
-        report.check(&line, told, &names, is_refused);
-        Ok(())
-    }
-
-    /// What the program `asks` says as a client of a robot file.
-    fn asked(&self, world: &World, program: &Program, file: &Path) -> anyhow::Result<String> {
-        let before = program.arguments.iter().cloned();
-        let all: Vec<String> = before.chain([(self.told_robot)(file)?]).collect();
-        let all: Vec<&str> = all.iter().map(String::as_str).collect();
-        let mut asking = Process::start_program(world, &program.path, &all);
-        let status = asking.wait(LIMIT)?;
-        ensure!(status.success(), "asks: {status}: {}", asking.log());
-        Ok(asking.log().trim().to_owned())
     }
 
     /// Without arguments each says in a line what it wants, and ends.

@@ -5,6 +5,7 @@ mod examples;
 mod guides;
 mod languages;
 mod lines;
+mod other_robots;
 mod other_services;
 mod plain_python;
 mod python;

@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use anyhow::ensure;
 use shared_types::codes::LoopFault;
 use shared_types::valid::Goal;
-use tests::servo_bank::{Faults, SERVOS};
+use tests::servo_bank::{Faults, SERVOS, ServoBank};
 use tests::servo_stack::{ServoStack, bank, home, start};
-use tests::stack::{PATIENCE, tip_error};
+use tests::stack::PATIENCE;
 use tests::world::{Settings, World};
 
 use super::examples::TIP_M;
@@ -137,9 +137,12 @@ const CASES: [Case; 11] = [
 ];
 
 pub(super) fn run(report: &mut Report) {
+    let command = format!(
+        "dynamixel-robot on the servo bank, {}",
+        ServoBank::settings()
+    );
     for case in &CASES {
-        let command = "dynamixel-robot on the servo bank";
-        report.group(&format!("servos: {}", case.what), command, |report| {
+        report.group(&format!("servos: {}", case.what), &command, |report| {
             case.run(report)
         });
     }
@@ -192,8 +195,10 @@ impl Case {
             let line = self.line("packets, or bursts of them, that were lost, damaged or late");
             report.check(&line, spoilt.to_string(), "> 0", spoilt > 0);
             let measured_rad = &state.values.measured_configuration_rad;
-            let error = tip_error(&all.stack.world.robot, measured_rad, &TIP_M);
+            let error = all.stack.world.body().tip_error(measured_rad, &TIP_M);
             report.at_most(&self.line("tip error as measured, m"), error, 0.03);
+            sleep(SETTLED);
+            self.judge_tip(report, &all, "tip error", &TIP_M);
         }
         self.judge_motors(report, &all, &moved_m);
         ensure!(
@@ -219,11 +224,16 @@ impl Case {
             ended.is_ok(),
         );
         sleep(SETTLED);
-        let shape_rad = all.stack.world.body().explain(&all.bank.lengths_m());
-        let error = tip_error(&all.stack.world.robot, &shape_rad.configuration, &to);
-        let line = self.line("tip error afterwards by the lengths that the servos have wound, m");
-        report.at_most(&line, error, 0.03);
+        self.judge_tip(report, all, "tip error afterwards", &to);
         Ok(())
+    }
+
+    /// Where the tip is by what the servos themselves have done.
+    fn judge_tip(&self, report: &mut Report, all: &ServoStack, what: &str, tip_m: &[f64; 3]) {
+        let body = all.stack.world.body();
+        let shape_rad = body.explain(&all.bank.lengths_m()).configuration;
+        let line = format!("{what} by the lengths that the servos have wound, m");
+        report.at_most(&self.line(&line), body.tip_error(&shape_rad, tip_m), 0.03);
     }
 
     fn line(&self, what: &str) -> String {

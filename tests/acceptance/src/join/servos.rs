@@ -11,7 +11,6 @@ use tests::brute_force::Body;
 use tests::programs::repository;
 use tests::recording::Recording;
 use tests::servo_bank::{SERVOS, ServoBank};
-use tests::stack::tip_error;
 
 use crate::demo::{judge, on_a_clean_clone};
 use crate::report::Report;
@@ -36,6 +35,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         let radius_m = table["spool_radius_m"].as_float().unwrap_or(f64::NAN);
         let body = Body::from_robot_file(&text);
         let bank = ServoBank::start(&body, radius_m, BAUD, SLACK_M);
+        report.shown("settings of the driver", ServoBank::settings());
         let config = folder.path().join("dynamixel-robot.toml");
         bank.write_config(&config, &robot_file, None);
         let recorded = folder.path().join("recording");
@@ -115,7 +115,7 @@ fn tips(
         let end_ns = recording.samples[motion.range.1].stamp_ns;
         let held_m = wound.mean_m(HOLD_NS.map(|after_ns| end_ns + after_ns))?;
         let shape_rad = body.explain(&held_m).configuration;
-        let error_m = tip_error(robot, &shape_rad, &told.requested_tip_m);
+        let error_m = body.tip_error(&shape_rad, &told.requested_tip_m);
         let line = format!(
             "experiment {}, {}: tip error by the lengths that the servos have wound, in section lengths",
             told.experiment, told.name

@@ -163,8 +163,8 @@ impl Figures {
     ) -> anyhow::Result<()> {
         expect(goal, "reached", |status| status.state == GoalState::Reached)?;
         let configuration = stack.commanded();
-        let robot = stack.world.robot.clone();
-        let error = tests::stack::tip_error(&robot, &configuration.into(), &position_m);
+        let body = stack.world.body();
+        let error = body.tip_error(&configuration.into(), &position_m);
         self.went_on += usize::from(error <= 0.01);
         Ok(())
     }

@@ -98,7 +98,7 @@ impl Follower {
                     return Ok(false);
                 }
                 let at = state.values.commanded_configuration_rad;
-                if tests::stack::tip_error(&stack.world.robot, &at, tip_m) < TOLERANCE_M {
+                if stack.world.body().tip_error(&at, tip_m) < TOLERANCE_M {
                     return Ok(true);
                 }
                 if let Some(crossing) = as_seen {
