@@ -158,8 +158,13 @@ fn keep_on_the_way(stack: &Stack) -> anyhow::Result<()> {
 }
 
 fn replayed(report: &mut Report, stack: &Stack, whole: &Path, all: usize) -> anyhow::Result<()> {
+    let again = stack.world.folder().join("again.mcap");
+    let mut recorder = start_recorder(stack, &again)?;
     let told = replay(stack, whole, &[])?;
+    std::thread::sleep(WRITTEN);
+    recorder.sigterm(PATIENCE)?;
     report.shown("records: replayed", told.text.replace('\n', "; "));
+    by_their_hashes(report, whole, &again, all + 2)?;
     let same = told.first_number();
     // The motion's plan and the first one to the goal that stays begin at the rest of the robot, which the record tells.
     report.check(
@@ -189,6 +194,41 @@ fn replayed(report: &mut Report, stack: &Stack, whole: &Path, all: usize) -> any
         told.succeeded,
     );
     Ok(())
+}
+
+/// The hashes of the plans asked again, as another record has them: those of the first record in their order, but for what was left out.
+fn by_their_hashes(
+    report: &mut Report,
+    whole: &Path,
+    again: &Path,
+    least: usize,
+) -> anyhow::Result<()> {
+    let [first, again] = [plan_hashes(whole)?, plan_hashes(again)?];
+    let mut before = first.iter();
+    let is_next = |hash: &&u64| before.any(|other| other == *hash);
+    let same = again.iter().take_while(is_next).count();
+    report.check(
+        "records: plans asked again whose plan_hash in a record of the replay is the first record's",
+        format!("{same} of {}, of {} of the first", again.len(), first.len()),
+        &format!("all, >= {least}"),
+        same == again.len() && same >= least,
+    );
+    Ok(())
+}
+
+/// The `plan_hash` of each plan that is recorded.
+fn plan_hashes(file: &Path) -> anyhow::Result<Vec<u64>> {
+    let bytes = fs::read(file)?;
+    let at = offset_of!(PlanRecord, report) + offset_of!(PlanReport, plan_hash);
+    let of = |message: &Message<'_>| {
+        let hash = message.data.get(at..at + 8).context("a short record")?;
+        Ok(u64::from_le_bytes(hash.try_into()?))
+    };
+    let messages = messages(&bytes)?;
+    let plans = messages
+        .iter()
+        .filter(|message| message.channel.topic == "plan_record");
+    plans.map(of).collect()
 }
 
 /// A record without one of its messages is not replayed.
