@@ -132,7 +132,7 @@ impl Examples {
     /// That a planned motion was reached, as its last line says.
     pub(super) fn is_reached(&self, report: &mut Report, what: &str, planned: &str) {
         let last = planned.lines().last().unwrap_or_default().to_owned();
-        let reached = last.starts_with("reached");
+        let reached = last.split(": ").any(|part| part == "reached");
         report.check(&self.line(what), last, "reached", reached);
     }
 
