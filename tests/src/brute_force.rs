@@ -177,9 +177,7 @@ impl Body {
     /// Distance of the tip that a configuration means from a point, m.
     #[must_use]
     pub fn tip_error(&self, configuration: &Configuration, point: &Vector) -> f64 {
-        let tip = self.tip(configuration);
-        let squares = tip.iter().zip(point).map(|(a, b)| (a - b).powi(2));
-        squares.sum::<f64>().sqrt()
+        norm(subtract(self.tip(configuration), *point))
     }
 
     /// Least distance between the tube's surface and the balls' at an instant, m; infinite without balls.

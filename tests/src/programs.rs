@@ -15,6 +15,7 @@ const PROGRAMS: [(&str, &str); 5] = [
     ("dynamixel-robot", "dynamixel-robot"),
     ("pcc", "pcc-cli"),
 ];
+const SOURCES: [&str; 4] = ["shared-types", "planner-daemon", "controller", "crates"];
 
 /// The repository's root folder.
 #[must_use]
@@ -53,21 +54,25 @@ fn build_if_old() {
     }
 }
 
-/// Whether a program is missing, or older than one of the files that Cargo noted beside it as its sources.
+/// Whether a program is missing, or older than one of its sources.
 fn is_old(program: &Path) -> bool {
-    let (Some(built), Ok(noted)) = (
-        modified(program),
-        fs::read_to_string(program.with_extension("d")),
-    ) else {
-        return true;
+    modified(program) < newest_source(program)
+}
+
+/// When the newest source of a program was changed: of the files that Cargo notes beside what it was asked for. Beside a program that was
+/// built for tests it notes none, and every source of the programs counts.
+fn newest_source(program: &Path) -> Option<SystemTime> {
+    let Ok(noted) = fs::read_to_string(program.with_extension("d")) else {
+        let folders = SOURCES.iter().map(|folder| repository().join(folder));
+        return folders.filter_map(|folder| newest_rust_file(&folder)).max();
     };
     let sources = noted.split_once(": ").map_or("", |(_, sources)| sources);
     // A space in a path is noted with a backslash before it.
     let sources = sources.trim_end().replace("\\ ", "\0");
-    sources.split(' ').any(|source| {
-        let time = modified(Path::new(&source.replace('\0', " ")));
-        time.is_none_or(|time| time > built)
-    })
+    let times = sources
+        .split(' ')
+        .map(|source| modified(Path::new(&source.replace('\0', " "))));
+    times.max().flatten()
 }
 
 fn build(folder: &Path) {
@@ -89,4 +94,17 @@ fn build(folder: &Path) {
 
 fn modified(file: &Path) -> Option<SystemTime> {
     fs::metadata(file).ok()?.modified().ok()
+}
+
+fn newest_rust_file(folder: &Path) -> Option<SystemTime> {
+    let entries = fs::read_dir(folder).ok()?.filter_map(Result::ok);
+    let time = |entry: fs::DirEntry| {
+        let path = entry.path();
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("rs") => modified(&path),
+            _ if path.is_dir() && entry.file_name() != "tests" => newest_rust_file(&path),
+            _ => None,
+        }
+    };
+    entries.filter_map(time).max()
 }

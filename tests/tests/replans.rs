@@ -14,8 +14,10 @@ use tests::world::Settings;
 
 /// Tips that the robot is sent to in turn, m: far from each other, so that it is always on its way.
 const TIPS: [[f64; 3]; 2] = [[1.5, 0.0, 2.4], [0.0, -1.55, 2.25]];
-/// Time for which a process is held: longer than the lead of a motion, shorter than silence that counts as a loss.
-const HELD: Duration = Duration::from_millis(12);
+/// Times for which a process is held, in turn, ms: as long as the lead of a motion and longer, shorter than silence that counts as a loss.
+const HELD_MS: [u64; 3] = [4, 8, 12];
+/// Most requests until motions have come too late in both ways: it is a matter of a millisecond.
+const ROUNDS: usize = 2_000;
 
 /// A request for the tip of a round, to be executed.
 fn request(round: usize) -> PlanRequest {
@@ -54,12 +56,12 @@ fn a_motion_that_comes_too_late_for_its_switch_is_joined_again_or_its_plan_made_
     ];
     let mut published = Vec::new();
     let mut seen = [false; 2];
-    for round in 0..240 {
+    for round in 0..ROUNDS {
         let pending = stack.client.submit(&request(round)).unwrap();
         sleep(Duration::from_micros(1_000 + 250 * (round as u64 / 2 % 24)));
         let held = [Part::Daemon, Part::Controller][round % 2];
         stack.process(held).signal(libc::SIGSTOP);
-        sleep(HELD);
+        sleep(Duration::from_millis(HELD_MS[round / 2 % HELD_MS.len()]));
         stack.process(held).signal(libc::SIGCONT);
         let answer = stack.client.wait(pending, PATIENCE).unwrap();
         let report = answer.report();

@@ -43,8 +43,8 @@ fn a_controller_does_not_take_hold_of_another_robot() {
         let state = stack.controller.latest_state().ok().flatten()?;
         assert_eq!(state.state, LoopState::Starting);
         let reason = state.values.reason.text();
-        let own = format!("this controller's {:016x}", state.values.robot_hash);
-        let is_named = reason.starts_with("another robot: it is ") && reason.contains(&own);
+        let own = format!("this controller's is {:016x}", state.values.robot_hash);
+        let is_named = reason.starts_with("another robot: ") && reason.contains(&own);
         (state.waiting == Waiting::OtherRobot && is_named).then_some(())
     })
     .unwrap();

@@ -72,7 +72,7 @@ pub(super) fn fault(output: &CycleOutput, settings: &ExecutiveSettings) -> Strin
 pub(super) fn waiting(output: &CycleOutput, own_robot: u64) -> String {
     match output.waiting {
         Waiting::OtherRobot => format!(
-            "another robot: it is {:016x}, this controller's {own_robot:016x}: their robot files differ",
+            "another robot: {:016x}, this controller's is {own_robot:016x}",
             output.robot_hash
         ),
         Waiting::OffTendonMap => format!(
@@ -129,7 +129,7 @@ mod tests {
         (output.waiting, output.robot_hash) = (Waiting::OtherRobot, 0xab);
         assert_eq!(
             waiting(&output, 7),
-            "another robot: it is 00000000000000ab, this controller's 0000000000000007: their robot files differ"
+            "another robot: 00000000000000ab, this controller's is 0000000000000007"
         );
     }
 

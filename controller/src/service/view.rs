@@ -16,7 +16,7 @@ use super::link::{Report, Shared};
 use crate::{
     arena::MemoryCounts,
     executive::{
-        AcceptanceContext, CONSISTENCY_M, CycleOutput, EndedMotion, ExecutiveSettings, GuardState,
+        AcceptanceContext, CycleOutput, EndedMotion, ExecutiveSettings, GuardState,
         TrajectoryRefusal,
     },
 };
@@ -204,15 +204,8 @@ impl LoopView {
             };
         } else if !is_logged && output.stamp_ns - since_ns > LOG_WAITING_AFTER_NS {
             self.waiting.is_logged = true;
-            let accepted_residual_m = output.accepted_residual_m;
-            let refused_states = output.refused_robot_states;
-            warn!(
-                %reason,
-                accepted_residual_m,
-                allowed_m = CONSISTENCY_M,
-                refused_states,
-                "the robot is not taken hold of"
-            );
+            let waiting = explain::waiting(output, self.published.robot_hash);
+            warn!("the robot is not taken hold of: {waiting}");
         }
     }
 

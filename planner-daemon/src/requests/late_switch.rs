@@ -42,7 +42,7 @@ pub(super) fn late_switch(
         let (work, begun) = (Work::from(to_be_done), Instant::now());
         let (_, usual) = leads.into_iter().find(|(of, _)| *of == work)?;
         let lead = match last.work {
-            Some((same, chosen)) if same == work => {
+            Some((last_work, chosen)) if last_work == work => {
                 usual.max(lead_of_the_same_work(begun - chosen))
             }
             _ => usual,

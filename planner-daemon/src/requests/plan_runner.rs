@@ -122,9 +122,9 @@ impl PlanRunner {
     /// # Errors
     /// What the system says where there can be no more files.
     pub(crate) fn new(planner: Arc<Planner>, kind: PlannerKind) -> io::Result<Self> {
-        // Room for all outputs of a job (its motion is told three times at most, and motions begin elsewhere six times), so that a worker never
+        // Room for all outputs of a job (its motion is told eight times at most, and motions begin elsewhere nine times), so that a worker never
         // waits.
-        let (outgoing, outputs) = sync_channel(11);
+        let (outgoing, outputs) = sync_channel(19);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
             idle: IdleWarmUp::new(Arc::clone(&planner)),

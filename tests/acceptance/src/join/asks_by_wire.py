@@ -4,7 +4,7 @@ FNV-1a: asks_by_wire.py ROBOT_HASH, 16 hexadecimal digits."""
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[5] / "clients/plain-python"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[4] / "clients/plain-python"))
 
 import iceoryx2 as iox2
 from wire import Wire, reason

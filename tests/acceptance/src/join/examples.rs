@@ -83,8 +83,8 @@ impl Examples {
         report.group(&group("follow trajectories"), self.command, |report| {
             self.follow(report)
         });
-        let command = "tests/acceptance/src/join/asks*";
-        report.group(&group("another robot"), command, |report| {
+        let command = format!("tests/acceptance/src/join/asks*; {}", self.command);
+        report.group(&group("another robot"), &command, |report| {
             other_robots::run(self, report)
         });
         report.group(&group("no arguments"), self.command, |report| {
@@ -132,7 +132,8 @@ impl Examples {
     /// That a planned motion was reached, as its last line says.
     pub(super) fn is_reached(&self, report: &mut Report, what: &str, planned: &str) {
         let last = planned.lines().last().unwrap_or_default().to_owned();
-        let reached = last.split(": ").any(|part| part == "reached");
+        let result = last.split_once(": ").map(|(_, result)| result);
+        let reached = result.is_some_and(|it| it.starts_with("reached"));
         report.check(&self.line(what), last, "reached", reached);
     }
 

@@ -1,4 +1,4 @@
-//! Clients, drivers and controllers that are set up for another robot file are refused by name, with both.
+//! Clients, drivers and controllers that are set up for another robot file are refused by name, with the hashes of both.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -101,9 +101,9 @@ fn driver(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
     let robots = Robots::of(&stack.world)?;
     stack.start(Part::Controller);
     let other = robots.files[1].display().to_string();
-    let driving = examples.start(&stack.world, "drive", &[&other])?;
+    let _driving = examples.start(&stack.world, "drive", &[&other])?;
     let names = format!(
-        "another robot: it is {:016x}, this controller's {:016x}",
+        "another robot: {:016x}, this controller's is {:016x}",
         robots.hashes[1], robots.hashes[0]
     );
     let mut told = String::new();
@@ -114,7 +114,6 @@ fn driver(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
     });
     let line = examples.line("what the controller says of a driver of another robot file");
     report.check(&line, told, &names, is_named.is_ok());
-    drop(driving);
     Ok(())
 }
 
@@ -146,6 +145,5 @@ fn follower(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
     let line = examples.line("outcome of a motion for a follower of another robot file");
     let told = format!("{}: {}", refusal.outcome, refusal.reason);
     report.check(&line, told, &names, is_refused);
-    drop(following);
     Ok(())
 }

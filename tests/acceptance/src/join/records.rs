@@ -164,14 +164,15 @@ fn replayed(report: &mut Report, stack: &Stack, whole: &Path, all: usize) -> any
     std::thread::sleep(WRITTEN);
     recorder.sigterm(PATIENCE)?;
     report.shown("records: replayed", told.text.replace('\n', "; "));
-    by_their_hashes(report, whole, &again, all + 2)?;
-    let same = told.first_number();
     // The motion's plan and the first one to the goal that stays begin at the rest of the robot, which the record tells.
+    let least = all + 2;
+    by_their_hashes(report, whole, &again, least)?;
+    let same = told.first_number();
     report.check(
         "records: plans asked again that are the same, bit for bit",
         same.to_string(),
-        &format!(">= {}", all + 2),
-        told.succeeded && same >= all + 2,
+        &format!(">= {least}"),
+        told.succeeded && same >= least,
     );
     let goal = told
         .text

@@ -6,6 +6,7 @@ use client::GoalSender;
 use shared_types::codes::{GoalState, LoopState};
 use shared_types::message::{Ball as RestingBall, MovingBall};
 use shared_types::valid::{Goal, PlanRequest, PreviousPlan};
+use tests::brute_force::Body;
 use tests::crossing_balls::Crossing;
 use tests::stack::{PATIENCE, Stack};
 
@@ -41,6 +42,7 @@ pub(super) enum Follower {
     StopThenPlan {
         request: Box<PlanRequest>,
         tip_m: [f64; 3],
+        body: Box<Body>,
         plans: u64,
         not_before: Instant,
         /// The balls, where plans take them to stay where they are.
@@ -62,6 +64,7 @@ impl Follower {
                     ..PlanRequest::from_robot(goal)
                 }),
                 tip_m: crossing.tip_m,
+                body: stack.world.body().into(),
                 plans: 0,
                 not_before: Instant::now(),
                 as_seen: (arm == Arm::StopThenPlanAsSeen).then(|| crossing.clone()),
@@ -87,6 +90,7 @@ impl Follower {
             Self::StopThenPlan {
                 request,
                 tip_m,
+                body,
                 plans,
                 not_before,
                 as_seen,
@@ -98,7 +102,7 @@ impl Follower {
                     return Ok(false);
                 }
                 let at = state.values.commanded_configuration_rad;
-                if stack.world.body().tip_error(&at, tip_m) < TOLERANCE_M {
+                if body.tip_error(&at, tip_m) < TOLERANCE_M {
                     return Ok(true);
                 }
                 if let Some(crossing) = as_seen {
