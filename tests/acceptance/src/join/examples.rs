@@ -12,7 +12,7 @@ use tests::process::{Process, TimedOut, wait_for};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 
-use super::{lines, other_robots};
+use super::lines;
 use crate::report::Report;
 
 /// The examples of each language.
@@ -82,10 +82,6 @@ impl Examples {
         });
         report.group(&group("follow trajectories"), self.command, |report| {
             self.follow(report)
-        });
-        let command = format!("tests/acceptance/src/join/asks*; {}", self.command);
-        report.group(&group("another robot"), &command, |report| {
-            other_robots::run(self, report)
         });
         report.group(&group("no arguments"), self.command, |report| {
             self.usage(report)

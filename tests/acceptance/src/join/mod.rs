@@ -40,6 +40,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
 
 fn of_language(examples: &Examples, report: &mut Report, scale: Scale) {
     examples.run(report);
+    other_robots::run(examples, report);
     other_services::run(examples, report);
     client_kills::run(examples, report, scale);
 }

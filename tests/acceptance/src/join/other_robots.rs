@@ -18,10 +18,13 @@ use crate::report::Report;
 /// The robot file of all processes, in the folder of their configuration.
 const OWN: &str = "robots/unit.toml";
 
-pub(super) fn run(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
-    client(examples, report, &(examples.asks)()?)?;
-    driver(examples, report)?;
-    follower(examples, report)
+pub(super) fn run(examples: &Examples, report: &mut Report) {
+    let command = format!("tests/acceptance/src/join/asks*; {}", examples.command);
+    report.group(&examples.line("another robot"), &command, |report| {
+        client(examples, report, &(examples.asks)()?)?;
+        driver(examples, report)?;
+        follower(examples, report)
+    });
 }
 
 /// Two robot files that differ by the robot's name, and their hashes.

@@ -10,7 +10,7 @@ use tests::world::Settings;
 
 use super::examples::{Examples, Program};
 use super::languages::beside;
-use super::{client_kills, other_services};
+use super::{client_kills, other_robots, other_services};
 use crate::paper_python::python_with;
 use crate::report::Report;
 use crate::scale::Scale;
@@ -23,6 +23,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         every_service(&examples, report)
     });
     examples.run(report);
+    other_robots::run(&examples, report);
     other_services::run(&examples, report);
     client_kills::run(&examples, report, scale);
     report.group(&group("verdicts on scenes"), command, |report| {
