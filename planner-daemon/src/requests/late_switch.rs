@@ -63,3 +63,39 @@ pub(super) fn until(not_before_mono_ns: Option<i64>, now_mono_ns: i64) -> Durati
     let left_ns = not_before_mono_ns.map_or(0, |begin| begin.saturating_sub(now_mono_ns));
     Duration::from_nanos(left_ns.max(0).unsigned_abs())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::thread::sleep;
+
+    use planning::ToBeDone;
+
+    use super::*;
+    use crate::fixtures;
+
+    #[test]
+    fn work_that_came_too_late_may_take_as_long_once_more() {
+        let mut followed = fixtures::followed();
+        followed.progress.mono_ns = mono_now_ns();
+        let at_once = followed.switch_after(Duration::ZERO, followed.progress.mono_ns);
+        let robot = Shared::default();
+        robot.set(RobotMotion::Following(followed));
+        let leads = [
+            Work::SegmentAgain,
+            Work::PathAgain,
+            Work::PathAgainAndPlanningAnew,
+            Work::PlanningAnew,
+            Work::Joining,
+            Work::JoiningAndPlanningAnew,
+        ];
+        let leads = leads.map(|work| (work, Duration::from_millis(1)));
+        let choose = late_switch(robot, at_once.unwrap(), leads, None);
+        let switch = || choose(ToBeDone::SegmentAgain, &|_| true).unwrap();
+        let first = switch();
+        let took = Duration::from_millis(20);
+        sleep(took);
+        let second = switch();
+        let later_s = second.path_time_s - first.path_time_s;
+        assert!(later_s > 2.0 * took.as_secs_f64(), "{later_s} s later");
+    }
+}
