@@ -112,8 +112,10 @@ impl Follower {
         let deadline_ns = self.deadlines.wait();
         let output = self.step.cycle(deadline_ns, &mut self.motors);
         let setpoint = self.motors.setpoint.take();
+        // At the set-point's own instant: a stall since then would let the velocity jump between targets' stamps.
+        let now_ns = output.stamp_ns;
         Some(FollowedCycle {
-            targets: self.motors.driven.next_targets(setpoint.as_ref()),
+            targets: self.motors.driven.next_targets(now_ns, setpoint.as_ref()),
             commanded: output.commanded,
             state: output.state,
             trajectory_id: output.trajectory_id,

@@ -43,11 +43,10 @@ impl DrivenRobot {
         }
     }
 
-    /// Begins a cycle: what the motors are to do in it, by the set-point that has arrived, if any.
-    pub fn next_targets(&mut self, setpoint: Option<&Setpoint>) -> MotorTargets {
-        // The clock is read after the set-point, whose stamp must not lie in the future because of a stall in between.
-        self.stamp_ns = mono_now_ns();
-        let targets = self.reference.step(self.stamp_ns, setpoint);
+    /// Begins a cycle at `now_ns` (CLOCK_MONOTONIC): what the motors are to do then, by the set-point that has arrived, if any.
+    pub fn next_targets(&mut self, now_ns: i64, setpoint: Option<&Setpoint>) -> MotorTargets {
+        self.stamp_ns = now_ns;
+        let targets = self.reference.step(now_ns, setpoint);
         self.log_mode();
         targets
     }

@@ -111,7 +111,8 @@ impl RobotDriver {
         self.deadline_ns = (self.deadline_ns + period_ns).max(mono_now_ns());
         realtime::sleep_until(self.deadline_ns);
         let setpoint = ipc::newest(&self.connection.setpoints);
-        let targets = self.driven.next_targets(setpoint.as_ref());
+        // The clock is read after the set-point, whose stamp must not lie in the future because of a stall in between.
+        let targets = self.driven.next_targets(mono_now_ns(), setpoint.as_ref());
         self.beat(targets.stamp_ns);
         targets
     }

@@ -80,15 +80,7 @@ mod tests {
         let at_once = followed.switch_after(Duration::ZERO, followed.progress.mono_ns);
         let robot = Shared::default();
         robot.set(RobotMotion::Following(followed));
-        let leads = [
-            Work::SegmentAgain,
-            Work::PathAgain,
-            Work::PathAgainAndPlanningAnew,
-            Work::PlanningAnew,
-            Work::Joining,
-            Work::JoiningAndPlanningAnew,
-        ];
-        let leads = leads.map(|work| (work, Duration::from_millis(1)));
+        let leads = Work::FROM_A_LATE_SWITCH.map(|work| (work, Duration::from_millis(1)));
         let choose = late_switch(robot, at_once.unwrap(), leads, None);
         let switch = || choose(ToBeDone::SegmentAgain, &|_| true).unwrap();
         let first = switch();

@@ -61,6 +61,16 @@ impl From<ToBeDone> for Work {
 }
 
 impl Work {
+    /// What is done from a switch that is chosen while a plan is made.
+    pub(super) const FROM_A_LATE_SWITCH: [Self; 6] = [
+        Self::SegmentAgain,
+        Self::PathAgain,
+        Self::PathAgainAndPlanningAnew,
+        Self::PlanningAnew,
+        Self::Joining,
+        Self::JoiningAndPlanningAnew,
+    ];
+
     /// Other work, by the first of which that was done it is foreseen as long as it was not done itself: longer work, or what is most of it.
     fn foreseen_by(self) -> &'static [Self] {
         match self {

@@ -107,19 +107,11 @@ impl Service {
         // Something may have begun to move since it was asked for.
         let selects_early = selects_early && problem.moving.is_empty();
         let kind = queued.kind(selects_early);
-        let late_works = [
-            Work::SegmentAgain,
-            Work::PathAgain,
-            Work::PathAgainAndPlanningAnew,
-            Work::PlanningAnew,
-            Work::Joining,
-            Work::JoiningAndPlanningAnew,
-        ];
         let late_switch = match &begin {
             PlanBegin::AtSwitch(switch) if selects_early => Some(late_switch(
                 self.execution.shared_robot_motion(),
                 *switch,
-                late_works.map(|work| (work, lead(PlanKind { work, ..kind }))),
+                Work::FROM_A_LATE_SWITCH.map(|work| (work, lead(PlanKind { work, ..kind }))),
                 queued.task.begin_mono_ns,
             )),
             _ => None,

@@ -98,10 +98,28 @@ fn asked(
     Ok(asking.log().trim().to_owned())
 }
 
+/// The path of a program's settings that are the shipped ones but for the robot, which is the other one.
+fn settings_of_other(world: &World, program: &str) -> anyhow::Result<String> {
+    let text = fs::read_to_string(world.config(&format!("{program}.toml")))?;
+    let of_other = world.config(&format!("{program}-of-other.toml"));
+    fs::write(&of_other, text.replace(OWN, "robots/other.toml"))?;
+    Ok(of_other.display().to_string())
+}
+
+/// A daemon of the other robot: a program without a robot file takes the robot from what its daemon describes.
+fn daemon_of_other(stack: &mut Stack) -> anyhow::Result<Process> {
+    let settings = settings_of_other(&stack.world, "planner-daemon")?;
+    let daemon = Process::start(&stack.world, "planner-daemon", &["--config", &settings]);
+    let is_ready = stack.client.wait_for_daemon(PATIENCE);
+    is_ready.with_context(|| daemon.log())?;
+    Ok(daemon)
+}
+
 /// A controller does not take hold of a driver's motors that are another robot's, and says so.
 fn driver(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
     let mut stack = Stack::new(&Settings::default());
     let robots = Robots::of(&stack.world)?;
+    let _daemon = daemon_of_other(&mut stack)?;
     stack.start(Part::Controller);
     let other = robots.files[1].display().to_string();
     let _driving = examples.start(&stack.world, "drive", &[&other])?;
@@ -120,19 +138,17 @@ fn driver(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A daemon has no motion executed by a controller of another robot, and says so.
+/// A daemon that takes the place of the other robot's has no motion executed by the controller that is left, and says so.
 fn follower(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
     let mut stack = Stack::new(&Settings::default());
     let robots = Robots::of(&stack.world)?;
-    let settings = stack.world.config("controller.toml");
-    let of_other = settings.with_file_name("controller-of-other.toml");
-    let text = fs::read_to_string(&settings)?.replace(OWN, "robots/other.toml");
-    fs::write(&of_other, text)?;
-    stack.start(Part::Daemon);
-    stack.client.wait_for_daemon(PATIENCE)?;
-    let of_other = of_other.display().to_string();
+    let daemon = daemon_of_other(&mut stack)?;
+    let of_other = settings_of_other(&stack.world, "controller")?;
     let following = examples.start(&stack.world, "follow", &[&of_other])?;
     wait_until_held(&mut stack).with_context(|| following.log())?;
+    drop(daemon);
+    stack.start(Part::Daemon);
+    stack.client.wait_for_daemon(PATIENCE)?;
     let request = PlanRequest {
         execute: true,
         ..PlanRequest::from_robot(Goal::tip(TIP_M))
