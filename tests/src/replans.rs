@@ -13,7 +13,7 @@ use shared_types::valid::{Goal, PlanRequest};
 use trajectory::{Knot, stopping_motion};
 
 use crate::brute_force::{self, Body};
-use crate::shortest_stop::shortest_stop_s;
+use crate::shortest_stop::shortest_stop;
 use crate::stack::{PATIENCE, Stack};
 
 /// Room of targets and starts beside the tube, section lengths, as in the data sets.
@@ -92,6 +92,33 @@ pub fn replan(tip_m: [f64; 3], balls: &[Ball], seed: u64) -> PlanRequest {
     }
 }
 
+/// A configuration to go to among balls by the fastest of ten candidates, planned like every request.
+#[derive(Clone, Copy, Debug)]
+pub struct Destination<'a> {
+    /// The configuration, rad.
+    pub end: [f64; 6],
+    /// What stands in the way, m.
+    pub balls: &'a [Ball],
+    /// Seed of the request.
+    pub seed: u64,
+}
+
+impl Destination<'_> {
+    /// Duration of the motion from rest, s; none where the planner finds no motion.
+    fn go_s(&self, stack: &mut Stack, start: [f64; 6]) -> Result<Option<f64>, ClientError> {
+        let request = PlanRequest {
+            candidate_count: CANDIDATES,
+            seed: self.seed,
+            deadline: Some(DEADLINE),
+            balls: self.balls.to_vec(),
+            ..PlanRequest::new(start, Goal::Configuration(self.end))
+        };
+        let answer = stack.client.plan(&request, PATIENCE)?;
+        let durations_s = answer.candidates().map(|it| it.summary.duration_s);
+        Ok(durations_s.min_by(f64::total_cmp))
+    }
+}
+
 /// What stopping first costs.
 #[derive(Clone, Copy, Debug)]
 pub struct StopThenGo {
@@ -99,13 +126,24 @@ pub struct StopThenGo {
     pub least_stop_s: f64,
     /// The stop straight ahead that the planner knows, s.
     pub stop_ahead_s: f64,
-    /// Velocity and acceleration to stop from, rad/s and rad/s².
-    rates: [brute_force::Configuration; 2],
-    /// From where it ends to the goal configuration, s; none where the planner finds no motion.
+    /// From where that ends to the destination, s; none where the planner finds no motion.
+    pub go_s: Option<f64>,
+    /// Configuration to stop from and its rates, rad, rad/s, rad/s².
+    from: [[f64; 6]; 3],
+    /// Where the stop straight ahead ends, rad.
+    rest_ahead: [f64; 6],
+}
+
+/// What the shortest stop costs, beside the stop straight ahead.
+#[derive(Clone, Copy, Debug)]
+pub struct ShortestStopThenGo {
+    /// The least and the largest duration that the shortest stop may have, s.
+    pub stop_s: [f64; 2],
+    /// From where it rests to the destination, s; none where the planner finds no motion.
     pub go_s: Option<f64>,
 }
 
-/// Stops in the state of a knot straight ahead, then goes to a configuration by the fastest of ten candidates, planned like every request.
+/// Stops in the state of a knot straight ahead, then goes to the destination.
 ///
 /// # Errors
 /// [`ClientError`].
@@ -113,9 +151,7 @@ pub fn stop_then_go(
     stack: &mut Stack,
     body: &Body,
     state: &crate::knots::Knot,
-    end: [f64; 6],
-    balls: &[Ball],
-    seed: u64,
+    destination: &Destination<'_>,
 ) -> Result<StopThenGo, ClientError> {
     let robot = &stack.world.robot;
     let [position, velocity, acceleration] = state.values.map(Configuration::from);
@@ -127,30 +163,40 @@ pub fn stop_then_go(
     };
     let stop = stopping_motion(&from, &robot.tendons, &robot.tendon_limits)
         .expect("a state of a certified motion can stop");
-    let request = PlanRequest {
-        candidate_count: CANDIDATES,
-        seed,
-        deadline: Some(DEADLINE),
-        balls: balls.to_vec(),
-        ..PlanRequest::new(stop.end().into(), Goal::Configuration(end))
-    };
-    let answer = stack.client.plan(&request, PATIENCE)?;
-    let durations_s = answer.candidates().map(|it| it.summary.duration_s);
-    let fastest = durations_s.fold(f64::INFINITY, f64::min);
+    let rest_ahead = stop.end().into();
     Ok(StopThenGo {
         least_stop_s: least_stop_of_tendons_s(body, &robot.tendon_limits, state),
         stop_ahead_s: stop.duration(),
-        rates: [state.values[1], state.values[2]],
-        go_s: fastest.is_finite().then_some(fastest),
+        go_s: destination.go_s(stack, rest_ahead)?,
+        from: state.values,
+        rest_ahead,
     })
 }
 
 impl StopThenGo {
-    /// The least and the largest duration that the shortest stop within the limits may have, s.
-    #[must_use]
-    pub fn shortest_stop_s(&self, body: &Body, limits: &TendonLimits) -> [f64; 2] {
+    /// The shortest stop within the limits, which rests as near to the stop straight ahead as it can, and going on from there. Where the solver does
+    /// not say where it rests, it is taken to rest where the stop straight ahead does.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub fn by_the_shortest_stop(
+        &self,
+        stack: &mut Stack,
+        body: &Body,
+        destination: &Destination<'_>,
+    ) -> Result<ShortestStopThenGo, ClientError> {
+        let [from, velocity, acceleration] = self.from;
         let between_s = [self.least_stop_s, self.stop_ahead_s];
-        shortest_stop_s(body, limits, &self.rates, between_s)
+        let way_ahead = std::array::from_fn(|angle| self.rest_ahead[angle] - from[angle]);
+        let limits = &stack.world.robot.tendon_limits;
+        let rates = [velocity, acceleration];
+        let stop = shortest_stop(body, limits, &rates, between_s, &way_ahead);
+        let rest = |way: brute_force::Configuration| std::array::from_fn(|i| from[i] + way[i]);
+        let rest = stop.way_rad.map_or(self.rest_ahead, rest);
+        Ok(ShortestStopThenGo {
+            stop_s: stop.between_s,
+            go_s: destination.go_s(stack, rest)?,
+        })
     }
 }
 

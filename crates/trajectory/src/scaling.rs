@@ -2,6 +2,6 @@
 
 pub(crate) mod longest_stop;
 pub(crate) mod rate_law;
-mod short_stop;
 mod stop_profile;
 pub(crate) mod stopping;
+mod three_part_stop;

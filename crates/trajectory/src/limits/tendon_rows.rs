@@ -57,6 +57,18 @@ impl TendonRows {
         largest_lane(&most)
     }
 
+    /// The rows of all tendons.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = Configuration> {
+        let row = |block: &TendonBlock, lane: usize| {
+            Configuration::from_fn(|column, _| block.0[column][lane])
+        };
+        let rows = self
+            .blocks
+            .iter()
+            .flat_map(move |block| (0..LANES).map(move |lane| row(block, lane)));
+        rows.filter(|row| row.norm_squared() > 0.0)
+    }
+
     /// The largest norm of a row: the most that a tendon's length changes per rad.
     pub(crate) fn gain(&self) -> f64 {
         let norm = |block: &TendonBlock, lane: usize| {

@@ -5,7 +5,7 @@
 //! then rest. Such an average is cubic in time between a few instants, so four knots are the whole of it.
 
 use crate::limits::tendon_rows::{TendonRows, limits_are_valid};
-use crate::scaling::short_stop::shorter_stop;
+use crate::scaling::three_part_stop::three_part_stop;
 use crate::{Knot, Trajectory};
 use pcc_model::{Configuration, TendonLimits, TendonMap};
 
@@ -45,8 +45,8 @@ pub enum StoppingError {
 /// Knots that a motion has more where it begins with a stop of [`stopping_motion`], at most.
 pub const STOPPING_KNOTS: usize = 3;
 
-/// A motion from `from` (its time is not read) to rest, straight ahead, within the acceleration and jerk limits: the shortest of an averaged
-/// deceleration, a parabola and a swing of the acceleration.
+/// A motion from `from` (its time is not read) to rest within the acceleration and jerk limits: the shorter of an averaged deceleration and three
+/// parts of constant jerk. Where velocity and acceleration point the same way, straight ahead.
 ///
 /// It begins with exactly this position, velocity and acceleration, in whatever directions, and has four knots at
 /// most. Velocity falls as soon as the limits allow; a state that still accelerates becomes faster first, by as much
@@ -79,7 +79,7 @@ pub fn stopping_motion(
     }
     let averaged = Trajectory::new(Braking::from(&from, &rows, limits).knots(from))
         .map_err(|_| StoppingError::NotTimeable(*limits))?;
-    let shorter = shorter_stop(&from, &rows, limits, averaged.duration());
+    let shorter = three_part_stop(&from, &rows, limits, averaged.duration());
     Ok(shorter.unwrap_or(averaged))
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use client::ClientError;
 use pcc_model::TendonLimits;
 use shared_types::capacity::STAGES;
 use shared_types::codes::{LoopState, MotionOutcome, Stage};
@@ -12,7 +13,7 @@ use tests::judge::Verdict;
 use tests::knots::{largest_bending_rad, least_clearance_m, limit_use, state_at, stops_between};
 use tests::listener::{Heard, Published};
 use tests::motion::raise;
-use tests::replans::StopThenGo;
+use tests::replans::{ShortestStopThenGo, StopThenGo};
 
 use super::rests::Faults;
 
@@ -274,32 +275,36 @@ impl Figures {
     }
 
     /// Compares a joined motion that was begun with stopping first: by a lower bound of every stop, and where it is later than that, by the
-    /// shortest stop. Returns whether it is later than that, too.
+    /// earlier of two that can be executed, by the shortest stop and by the one straight ahead. Returns whether it is later than that, too.
     pub(super) fn compare(
         &mut self,
-        (body, limits): (&Body, &TendonLimits),
         motion: &Published,
         reference: &StopThenGo,
         is_truncated: bool,
-    ) -> bool {
+        by_the_shortest_stop: impl FnOnce() -> Result<ShortestStopThenGo, ClientError>,
+    ) -> Result<bool, ClientError> {
         let Some(go_s) = reference.go_s else {
             self.without_reference += 1;
-            return false;
+            return Ok(false);
         };
         let duration_s = motion.knots.last().map_or(f64::NAN, |knot| knot.time_s);
         let share = |stop_s: f64| (stop_s + go_s - duration_s) / stop_s;
         let mut won = share(reference.least_stop_s);
         if is_later(&won) {
-            let [least_s, shortest_s] = reference.shortest_stop_s(body, limits);
-            won = share(shortest_s);
-            if is_later(&share(least_s)) && !is_later(&won) {
-                self.left_open_ms.push(1e3 * (duration_s - least_s - go_s));
+            let shortest = by_the_shortest_stop()?;
+            let [least_s, shortest_s] = shortest.stop_s;
+            let ahead_s = reference.stop_ahead_s + go_s;
+            let go_s = shortest.go_s.unwrap_or(f64::INFINITY);
+            let won_s = |stop_s: f64| ahead_s.min(stop_s + go_s) - duration_s;
+            won = won_s(shortest_s) / shortest_s;
+            if is_later(&(won_s(least_s) / shortest_s)) && !is_later(&won) {
+                self.left_open_ms.push(-1e3 * won_s(least_s));
             }
             self.stops_solved.push(format!(
                 "stop {:.5}, {shortest_s:.5}, {:.5} s: won {:.3} ms",
                 reference.least_stop_s,
                 reference.stop_ahead_s,
-                1e3 * (shortest_s + go_s - duration_s)
+                1e3 * won_s(shortest_s)
             ));
         }
         if stops_between(&motion.knots).count > 0 {
@@ -309,7 +314,7 @@ impl Figures {
         self.later_truncated += usize::from(is_truncated && is_later(&won));
         self.won.push(won);
         self.won_ahead.push(share(reference.stop_ahead_s));
-        is_later(&won)
+        Ok(is_later(&won))
     }
 
     /// Compares a joined motion that begins so long after its request with a stop at the request by the least time that a tendon takes, and a

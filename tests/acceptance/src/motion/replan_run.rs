@@ -13,7 +13,7 @@ use tests::geometry::seeded;
 use tests::judge::Judge;
 use tests::knots::{Knot, state_at};
 use tests::listener::{Heard, Listener, Published};
-use tests::replans::{ReplanScene, StopThenGo, random_pause, replan, stop_then_go};
+use tests::replans::{Destination, ReplanScene, StopThenGo, random_pause, replan, stop_then_go};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
@@ -189,14 +189,18 @@ fn references(
         if !in_motion {
             continue;
         }
-        let reference = stop_then_go(stack, body, first, last.values[0], &scene.balls, seed)?;
+        let destination = Destination {
+            end: last.values[0],
+            balls: &scene.balls,
+            seed,
+        };
+        let reference = stop_then_go(stack, body, first, &destination)?;
         if let Some((lead_s, at_request)) = when_asked(motion, heard, figures) {
-            let reference =
-                stop_then_go(stack, body, &at_request, last.values[0], &scene.balls, seed)?;
+            let reference = stop_then_go(stack, body, &at_request, &destination)?;
             figures.compare_from_the_request(motion, &reference, lead_s);
         }
-        let of_robot = (body, &stack.world.robot.tendon_limits);
-        if figures.compare(of_robot, motion, &reference, is_truncated) {
+        let by_the_shortest_stop = || reference.by_the_shortest_stop(stack, body, &destination);
+        if figures.compare(motion, &reference, is_truncated, by_the_shortest_stop)? {
             let log = stack.process(Part::Daemon).log();
             let chosen_again = format!("plan {}: its switch was too near", motion.plan_id);
             let chosen_again = log.lines().find(|line| line.contains(&chosen_again));

@@ -1,0 +1,405 @@
+//! Stops in three parts of constant jerk, which last equally long for all tendons.
+//!
+//! Given how long they last, the acceleration at the end of the first part, the peak, determines the stop, and each tendon allows an interval of
+//! it in its own direction. A peak within all these strips is found by projections onto them, from the stop with the least jerk on, which stays
+//! in the plane of velocity and acceleration. The parts last as those of the fastest stop of the slowest tendon, and where no stop of the whole
+//! robot is as fast, their shares are searched from there.
+
+use crate::limits::tendon_rows::TendonRows;
+use crate::scaling::stop_profile::fastest_s;
+use crate::{Knot, LimitUse, Trajectory};
+use pcc_model::{Configuration, TendonLimits};
+
+/// A limit that is exceeded by this part of itself or less is kept: that much is rounding.
+const ROUNDING: f64 = 2e-7;
+/// What of that is used, so that the fastest stop of a tendon leaves its strip a width.
+const ALLOWED: f64 = 1e-7;
+/// Rounding of a position, rad.
+const POSITION_ROUNDING_RAD: f64 = 1e-15;
+/// Stops are at least so long, in times in which the acceleration rises to its limit: less is nothing to win, and knots keep apart.
+const SHORTEST_STOP: f64 = 1e-3;
+/// Shares of its stop below which a part of the slowest tendon's is left out, one after the other.
+const SHORT_PARTS: [f64; 2] = [0.02, SHORTEST_PART];
+/// Share of a stop that each part has at least, so that knots keep apart.
+const SHORTEST_PART: f64 = 0.001;
+/// A stop that takes longer than the slowest tendon by this part of itself or less is as fast as can be.
+const LITTLE: f64 = 5e-7;
+/// Halvings of the interval in which the shortest duration lies.
+const HALVINGS: usize = 14;
+/// By how much the shares of the parts are changed at first, and at last.
+const STEPS: [f64; 2] = [0.1, 0.001];
+/// Rounds of projections.
+const ROUNDS: usize = 60;
+/// Share of a strip's width by which a projection leads into it.
+const INSET: f64 = 0.02;
+
+/// How long the three parts last.
+type Lengths = [f64; 3];
+
+/// A tendon that is to come to rest.
+struct Tendon {
+    row: Configuration,
+    velocity: f64,
+    acceleration: f64,
+    fastest_s: Lengths,
+}
+
+/// What a tendon allows of the peak.
+struct Strip<'a> {
+    row: &'a Configuration,
+    between: [f64; 2],
+}
+
+/// The limits of a tendon, of the jerk in each part.
+struct Limits {
+    acceleration: f64,
+    jerk: [f64; 3],
+}
+
+/// A robot that is to come to rest.
+struct Stop<'a> {
+    from: &'a Knot,
+    rows: &'a TendonRows,
+    limits: &'a TendonLimits,
+    /// The slowest one first.
+    tendons: Vec<Tendon>,
+}
+
+/// The shortest stop in three parts that is found from a state that keeps the acceleration and jerk limits, if it is shorter than `longest_s`.
+pub(super) fn three_part_stop(
+    from: &Knot,
+    rows: &TendonRows,
+    limits: &TendonLimits,
+    longest_s: f64,
+) -> Option<Trajectory> {
+    let stop = Stop {
+        from,
+        rows,
+        limits,
+        tendons: slowest_first(from, rows, limits),
+    };
+    stop.shortest(longest_s)
+}
+
+fn slowest_first(from: &Knot, rows: &TendonRows, limits: &TendonLimits) -> Vec<Tendon> {
+    let tendon = |row: Configuration| {
+        let (velocity, acceleration) = (row.dot(&from.velocity), row.dot(&from.acceleration));
+        let state = [velocity, acceleration];
+        Tendon {
+            row,
+            velocity,
+            acceleration,
+            fastest_s: fastest_s(state, [limits.acceleration, limits.jerk]),
+        }
+    };
+    let mut tendons: Vec<Tendon> = rows.rows().map(tendon).collect();
+    tendons.sort_by(|a, b| b.least_s().total_cmp(&a.least_s()));
+    tendons
+}
+
+impl Tendon {
+    /// Duration of its fastest stop, s.
+    fn least_s(&self) -> f64 {
+        self.fastest_s.iter().sum()
+    }
+}
+
+impl Stop<'_> {
+    /// The stop with the shares of the slowest tendon's parts, or with those that a search from there finds.
+    fn shortest(&self, longest_s: f64) -> Option<Trajectory> {
+        let slowest = self.tendons.first()?;
+        let shortest_s = SHORTEST_STOP * self.limits.acceleration / self.limits.jerk;
+        let least_s = slowest.least_s().max(shortest_s);
+        let (mut best, mut found) = (shares(slowest.fastest_s, SHORT_PARTS[0])?, None);
+        for short in SHORT_PARTS {
+            let bound_s = found.as_ref().map_or(longest_s, Trajectory::duration);
+            let shares = shares(slowest.fastest_s, short)?;
+            if let Some(motion) = self.shortest_between(least_s, bound_s, shares) {
+                (best, found) = (shares, Some(motion));
+            }
+        }
+        let [mut step, last_step] = STEPS;
+        while step > last_step {
+            let bound_s = found.as_ref().map_or(longest_s, Trajectory::duration);
+            if bound_s <= least_s * (1.0 + 2.0 * LITTLE) {
+                break;
+            }
+            let shorter = |it: Lengths| Some((it, self.shortest_between(least_s, bound_s, it)?));
+            match near(best, step).find_map(shorter) {
+                Some((shares, motion)) => (best, found) = (shares, Some(motion)),
+                None => step *= 0.5,
+            }
+        }
+        found
+    }
+
+    /// The shortest stop with these shares between two durations; none where there is none that is shorter than the longer one.
+    fn shortest_between(
+        &self,
+        least_s: f64,
+        longest_s: f64,
+        shares: Lengths,
+    ) -> Option<Trajectory> {
+        let longest_s = longest_s * (1.0 - LITTLE);
+        if least_s > longest_s {
+            return None;
+        }
+        if let Some(soonest) = self.lasting(least_s, shares) {
+            return Some(soonest);
+        }
+        let (mut too_short_s, mut found) = (least_s, self.lasting(longest_s, shares)?);
+        for _ in 0..HALVINGS {
+            let middle_s = 0.5 * (too_short_s + found.duration());
+            match self.lasting(middle_s, shares) {
+                Some(shorter) => found = shorter,
+                None => too_short_s = middle_s,
+            }
+        }
+        Some(found)
+    }
+
+    /// The stop of this duration with these shares, if one is found that keeps the limits.
+    fn lasting(&self, duration_s: f64, shares: Lengths) -> Option<Trajectory> {
+        let parts_s = shares.map(|share| share * duration_s);
+        let limits = Limits {
+            acceleration: self.limits.acceleration * (1.0 + ALLOWED),
+            jerk: parts_s.map(|lasts_s| {
+                let rounding = self.rows.gain() * POSITION_ROUNDING_RAD * 60.0 / lasts_s.powi(3);
+                self.limits.jerk * (1.0 + ALLOWED) - rounding
+            }),
+        };
+        let strip = |tendon| {
+            let between = allowed_peaks(tendon, &limits, parts_s)?;
+            let row = &tendon.row;
+            Some(Strip { row, between })
+        };
+        let strips: Vec<Strip> = self.tendons.iter().map(strip).collect::<Option<_>>()?;
+        let calmest = calmest_peak(self.from, &self.tendons[0], strips[0].between, parts_s);
+        let motion = in_knots(self.from, within(&strips, calmest)?, parts_s)?;
+        let most = LimitUse::default().raised_by_motion(&motion, self.rows, self.limits);
+        (most.acceleration.max(most.jerk) <= 1.0 + ROUNDING).then_some(motion)
+    }
+}
+
+/// The shares of a stop that its parts last: where one is short, the longest of the others is divided. None of a stop that takes no time.
+fn shares(parts_s: Lengths, short: f64) -> Option<Lengths> {
+    let sum_s: f64 = parts_s.iter().sum();
+    let shares = parts_s.map(|lasts_s| lasts_s / sum_s);
+    let lasting = shares.into_iter().filter(|share| *share >= short);
+    let mut lasting: Vec<f64> = lasting.collect();
+    while lasting.len() < shares.len() {
+        let places = 0..lasting.len();
+        let longest = places.max_by(|a, b| lasting[*a].total_cmp(&lasting[*b]))?;
+        lasting[longest] *= 0.5;
+        lasting.insert(longest, lasting[longest]);
+    }
+    let sum: f64 = lasting.iter().sum();
+    Some([0, 1, 2].map(|part| lasting[part] / sum))
+}
+
+/// Shares of which one has more by a step and another one less.
+fn near(shares: Lengths, step: f64) -> impl Iterator<Item = Lengths> {
+    let pairs = [[0, 1], [1, 0], [2, 1], [1, 2], [0, 2], [2, 0]];
+    let moved = pairs.into_iter().map(move |[more, less]| {
+        let mut moved = shares;
+        moved[more] += step;
+        moved[less] -= step;
+        moved
+    });
+    moved.filter(|shares| shares.iter().all(|share| *share >= SHORTEST_PART))
+}
+
+/// The peaks with which a tendon keeps its limits.
+fn allowed_peaks(tendon: &Tendon, limits: &Limits, parts_s: Lengths) -> Option<[f64; 2]> {
+    let [first_s, second_s, third_s] = parts_s;
+    let most_a = limits.acceleration;
+    let [of_first, of_second, of_third] = [0, 1, 2].map(|part| limits.jerk[part] * parts_s[part]);
+    // The acceleration at the end of the second part is −(offset + slope × peak).
+    let braked_s = second_s + third_s;
+    let offset = (2.0 * tendon.velocity + tendon.acceleration * first_s) / braked_s;
+    let slope = (first_s + second_s) / braked_s;
+    let around =
+        |centre: f64, half: f64, slope: f64| [(centre - half) / slope, (centre + half) / slope];
+    let bounds = [
+        around(0.0, most_a, 1.0),
+        around(tendon.acceleration, of_first, 1.0),
+        around(-offset, most_a.min(of_third), slope),
+        around(-offset, of_second, 1.0 + slope),
+    ];
+    let [lows, highs] = [0, 1].map(|end| bounds.map(|bound| bound[end]));
+    let low = lows.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    let high = highs.into_iter().fold(f64::INFINITY, f64::min);
+    (low <= high).then_some([low, high])
+}
+
+/// The peak of the stop with the least squares of jerk, changed in the plane of velocity and acceleration to the middle of what the slowest tendon
+/// allows.
+fn calmest_peak(
+    from: &Knot,
+    slowest: &Tendon,
+    [low, high]: [f64; 2],
+    parts_s: Lengths,
+) -> Configuration {
+    let [first_s, second_s, third_s] = parts_s;
+    let sum_s = first_s + second_s + third_s;
+    let left_s = [
+        sum_s - 0.5 * first_s,
+        third_s + 0.5 * second_s,
+        0.5 * third_s,
+    ];
+    let moments = [0, 1, 2].map(|order| {
+        let parts = parts_s.iter().zip(left_s);
+        parts
+            .map(|(lasts_s, left_s)| lasts_s * left_s.powi(order))
+            .sum::<f64>()
+    });
+    let [zeroth, first, second] = moments;
+    // The jerk of a part is a linear function of the time that is left behind it; this is the first one's gain of acceleration.
+    let gain = first_s / (zeroth * second - first * first);
+    let by_velocity = gain * (first - zeroth * left_s[0]);
+    let by_acceleration =
+        1.0 + gain * (first * sum_s - second + left_s[0] * (first - zeroth * sum_s));
+    let (speed, acceleration) = (slowest.velocity / sum_s, slowest.acceleration);
+    let peak = by_velocity * slowest.velocity + by_acceleration * acceleration;
+    let lacks = (0.5 * (low + high) - peak) / (speed * speed + acceleration * acceleration);
+    from.velocity * (by_velocity + lacks * speed / sum_s)
+        + from.acceleration * (by_acceleration + lacks * acceleration)
+}
+
+/// A point within all strips, if projections from a point lead to one.
+fn within(strips: &[Strip], mut point: Configuration) -> Option<Configuration> {
+    for _ in 0..ROUNDS {
+        let mut is_within = true;
+        for strip in strips {
+            let ([low, high], value) = (strip.between, strip.row.dot(&point));
+            if (low..=high).contains(&value) {
+                continue;
+            }
+            is_within = false;
+            let inset = INSET * (high - low);
+            let nearest = value.max(low + inset).min(high - inset);
+            point += *strip.row * ((nearest - value) / strip.row.norm_squared());
+        }
+        if is_within {
+            return Some(point);
+        }
+    }
+    None
+}
+
+/// The stop with this peak.
+fn in_knots(from: &Knot, peak: Configuration, parts_s: Lengths) -> Option<Trajectory> {
+    let [first_s, second_s, third_s] = parts_s;
+    let left = from.velocity * 2.0 + from.acceleration * first_s + peak * (first_s + second_s);
+    let second = left / -(second_s + third_s);
+    let mut knots = vec![*from];
+    let mut now = *from;
+    let accelerations = [peak, second, Configuration::zeros()];
+    for (lasts_s, acceleration) in parts_s.into_iter().zip(accelerations) {
+        let of_way = now.acceleration * 2.0 + acceleration;
+        now = Knot {
+            time: now.time + lasts_s,
+            position: now.position + now.velocity * lasts_s + of_way * (lasts_s * lasts_s / 6.0),
+            velocity: now.velocity + (now.acceleration + acceleration) * (0.5 * lasts_s),
+            acceleration,
+        };
+        knots.push(now);
+    }
+    let end = knots.last_mut()?;
+    *end = Knot::resting(end.time, end.position);
+    Trajectory::new(knots).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::limit_use;
+    use crate::test_paths::{unit_limits, unit_tendons};
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    /// The stop from a state, and its duration ÷ that of the slowest tendon's stop.
+    fn stop(from: &Knot) -> (Trajectory, f64) {
+        let (tendons, limits) = (unit_tendons(), unit_limits());
+        let rows = TendonRows::of(&tendons);
+        let motion = three_part_stop(from, &rows, &limits, 2.0).unwrap();
+        let most = limit_use(&motion, &tendons, &limits);
+        assert!(most.acceleration.max(most.jerk) <= 1.0 + 1e-6, "{most:?}");
+        assert_eq!(motion.knots()[0], *from);
+        let excess = motion.duration() / slowest_first(from, &rows, &limits)[0].least_s();
+        (motion, excess)
+    }
+
+    /// A state along one direction: velocity and acceleration as shares of the limits.
+    fn straight(velocity: f64, acceleration: f64) -> Knot {
+        let limits = unit_limits();
+        let along = Configuration::from([0.3, -0.5, 0.2, 0.4, -0.1, 0.6]);
+        let unit = along / TendonRows::of(&unit_tendons()).largest(&along);
+        Knot {
+            time: 0.0,
+            position: along,
+            velocity: unit * (velocity * limits.velocity),
+            acceleration: unit * (acceleration * limits.acceleration),
+        }
+    }
+
+    #[test]
+    fn along_one_direction_it_stays_straight_and_is_as_fast_as_the_limits_allow() {
+        let states = [
+            [1.0, 0.0],
+            [1.0, 0.7],
+            [0.3, -0.4],
+            [0.0, 0.7],
+            [0.01, 1.0],
+            [-0.2, 0.9],
+            [0.5, -1.0],
+        ];
+        for [velocity, acceleration] in states {
+            let from = straight(velocity, acceleration);
+            let (motion, excess) = stop(&from);
+            assert!(excess <= 1.0 + 1e-6, "{velocity}, {acceleration}: {excess}");
+            let way = motion.end() - from.position;
+            let along = from.position.normalize();
+            let aside = (way - along * way.dot(&along)).norm();
+            assert!(aside < 1e-7 * way.norm(), "{aside} aside of {way}");
+        }
+    }
+
+    #[test]
+    fn the_end_of_a_motion_that_brakes_at_the_jerk_limit_is_its_own_stop() {
+        let limits = unit_limits();
+        let share = 0.6;
+        let ramp_s = share * limits.acceleration / limits.jerk;
+        for more in [0.0, 1e-4, 1e-3, 1e-2, -1e-6, -1e-5] {
+            let velocity = 0.5 * share * limits.acceleration * ramp_s * (1.0 + more);
+            let (_, excess) = stop(&straight(velocity / limits.velocity, -share));
+            assert!(excess < 1.0 + 3e-3, "{more}: {excess}");
+        }
+    }
+
+    #[test]
+    fn velocity_and_acceleration_apart_take_little_more_than_the_slowest_tendon() {
+        let mut random = Pcg64::seed_from_u64(63);
+        let (rows, limits) = (TendonRows::of(&unit_tendons()), unit_limits());
+        let mut vector = |limit: f64| {
+            let vector = Configuration::from_fn(|_, _| random.random_range(-1.0..1.0));
+            vector * (limit * random.random_range(0.0..1.0) / rows.largest(&vector))
+        };
+        let mut excesses: Vec<f64> = (0..1000)
+            .map(|_| {
+                let from = Knot {
+                    time: 0.0,
+                    position: vector(1.0),
+                    velocity: vector(limits.velocity),
+                    acceleration: vector(limits.acceleration),
+                };
+                stop(&from).1
+            })
+            .collect();
+        excesses.sort_by(f64::total_cmp);
+        let [most, p99] = [excesses[999], excesses[990]];
+        assert!(p99 < 1.03 && most < 1.1, "p99 {p99}, at most {most}");
+        let at_once = excesses.iter().filter(|it| **it < 1.0 + 2e-6).count();
+        assert!(at_once > 850, "{at_once} of 1000");
+    }
+}
