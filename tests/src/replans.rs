@@ -12,7 +12,7 @@ use shared_types::message::Ball;
 use shared_types::valid::{Goal, PlanRequest};
 use trajectory::{Knot, stopping_motion};
 
-use crate::brute_force::{self, Body};
+use crate::brute_force::Body;
 use crate::shortest_stop::shortest_stop;
 use crate::stack::{PATIENCE, Stack};
 
@@ -124,17 +124,17 @@ impl Destination<'_> {
 pub struct StopThenGo {
     /// A lower bound of every stop within the limits: the time in which the slowest tendon can come to rest, s.
     pub least_stop_s: f64,
-    /// The stop straight ahead that the planner knows, s.
-    pub stop_ahead_s: f64,
+    /// The planner's own stop, s.
+    pub own_stop_s: f64,
     /// From where that ends to the destination, s; none where the planner finds no motion.
     pub go_s: Option<f64>,
     /// Configuration to stop from and its rates, rad, rad/s, rad/s².
     from: [[f64; 6]; 3],
-    /// Where the stop straight ahead ends, rad.
-    rest_ahead: [f64; 6],
+    /// Where the planner's own stop ends, rad.
+    own_rest: [f64; 6],
 }
 
-/// What the shortest stop costs, beside the stop straight ahead.
+/// What the shortest stop costs, beside the planner's own.
 #[derive(Clone, Copy, Debug)]
 pub struct ShortestStopThenGo {
     /// The least and the largest duration that the shortest stop may have, s.
@@ -143,7 +143,7 @@ pub struct ShortestStopThenGo {
     pub go_s: Option<f64>,
 }
 
-/// Stops in the state of a knot straight ahead, then goes to the destination.
+/// Stops in the state of a knot as the planner does, then goes to the destination.
 ///
 /// # Errors
 /// [`ClientError`].
@@ -163,19 +163,19 @@ pub fn stop_then_go(
     };
     let stop = stopping_motion(&from, &robot.tendons, &robot.tendon_limits)
         .expect("a state of a certified motion can stop");
-    let rest_ahead = stop.end().into();
+    let own_rest = stop.end().into();
     Ok(StopThenGo {
         least_stop_s: least_stop_of_tendons_s(body, &robot.tendon_limits, state),
-        stop_ahead_s: stop.duration(),
-        go_s: destination.go_s(stack, rest_ahead)?,
+        own_stop_s: stop.duration(),
+        go_s: destination.go_s(stack, own_rest)?,
         from: state.values,
-        rest_ahead,
+        own_rest,
     })
 }
 
 impl StopThenGo {
-    /// The shortest stop within the limits, which rests as near to the stop straight ahead as it can, and going on from there. Where the solver does
-    /// not say where it rests, it is taken to rest where the stop straight ahead does.
+    /// The shortest stop within the limits, which rests as near to the planner's own as it can, and going on from there. Where the solver does not say
+    /// where it rests, it is taken to rest where the planner's own stop does.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -186,16 +186,21 @@ impl StopThenGo {
         destination: &Destination<'_>,
     ) -> Result<ShortestStopThenGo, ClientError> {
         let [from, velocity, acceleration] = self.from;
-        let between_s = [self.least_stop_s, self.stop_ahead_s];
-        let way_ahead = std::array::from_fn(|angle| self.rest_ahead[angle] - from[angle]);
+        let between_s = [self.least_stop_s, self.own_stop_s];
+        let own_displacement = std::array::from_fn(|angle| self.own_rest[angle] - from[angle]);
         let limits = &stack.world.robot.tendon_limits;
         let rates = [velocity, acceleration];
-        let stop = shortest_stop(body, limits, &rates, between_s, &way_ahead);
-        let rest = |way: brute_force::Configuration| std::array::from_fn(|i| from[i] + way[i]);
-        let rest = stop.way_rad.map_or(self.rest_ahead, rest);
+        let stop = shortest_stop(body, limits, &rates, between_s, &own_displacement);
+        let go_s = match stop.displacement_rad {
+            Some(moved) => {
+                let rest = std::array::from_fn(|angle| from[angle] + moved[angle]);
+                destination.go_s(stack, rest)?
+            }
+            None => self.go_s,
+        };
         Ok(ShortestStopThenGo {
             stop_s: stop.between_s,
-            go_s: destination.go_s(stack, rest)?,
+            go_s,
         })
     }
 }

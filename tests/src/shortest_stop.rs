@@ -17,10 +17,8 @@ const RESOLVED: f64 = 1e-7;
 /// Halvings of the interval in which the shortest duration lies.
 const HALVINGS: usize = 12;
 const DOF: usize = 6;
-
-/// What is left of a limit's use by rounding.
+/// A limit that is exceeded by this part of itself or less is kept.
 const ROUNDING: f64 = 1e-6;
-
 /// Unit of distances in the program, m.
 const UNIT_M: f64 = 1e-3;
 
@@ -31,18 +29,18 @@ pub struct ShortestStop {
     /// what the program's steps may have added.
     pub between_s: [f64; 2],
     /// From its begin to where it rests, rad; none where the solver does not say.
-    pub way_rad: Option<Configuration>,
+    pub displacement_rad: Option<Configuration>,
 }
 
 /// The shortest stop from a velocity (rad/s) and an acceleration (rad/s²), where it takes between two durations, s. Of all that are as short it
-/// is the one whose tendons rest nearest to those of another stop, whose way is given.
+/// is the one whose tendons rest nearest to those of another stop, whose displacement is given.
 #[must_use]
 pub fn shortest_stop(
     body: &Body,
     limits: &TendonLimits,
     rates: &[Configuration; 2],
     between_s: [f64; 2],
-    other_way_rad: &Configuration,
+    other_displacement_rad: &Configuration,
 ) -> ShortestStop {
     let rows = &body.tendon_rows_m;
     let [mut least_s, mut most_s] = between_s;
@@ -59,7 +57,7 @@ pub fn shortest_stop(
     let least_s = (most_s / (1.0 + EXCESS_OF_STEPS)).max(between_s[0]);
     ShortestStop {
         between_s: [least_s, most_s],
-        way_rad: nearest_way(limits, rows, rates, most_s, other_way_rad),
+        displacement_rad: nearest_rest(limits, rows, rates, most_s, other_displacement_rad),
     }
 }
 
@@ -77,28 +75,31 @@ fn can_stop(
     solution.is_none_or(|solution| solution[share] <= 1.0 + ROUNDING)
 }
 
-/// The way of the stop of this duration within the limits whose tendons rest nearest to those of another stop; none where the solver finds
+/// The displacement of the stop of this duration within the limits whose tendons rest nearest to those of another stop; none where the solver finds
 /// none.
-fn nearest_way(
+fn nearest_rest(
     limits: &TendonLimits,
     rows: &[[f64; DOF]],
     rates: &[Configuration; 2],
     duration_s: f64,
-    other_way_rad: &Configuration,
+    other_displacement_rad: &Configuration,
 ) -> Option<Configuration> {
     let [share, distance] = [STEPS * DOF, STEPS * DOF + 1];
     let mut program = Program::of_stop(limits, rows, rates, duration_s);
+    // A little more than `can_stop` asks for, so that what it found is within.
     program
         .inequalities
         .push((vec![(share, 1.0)], 1.0 + 10.0 * ROUNDING));
-    let way = Way::of_stop(rates, duration_s);
+    let displacement = Displacement::of_stop(rates, duration_s);
     for row in rows {
         let terms = (0..DOF).flat_map(|angle| {
-            way.terms(angle)
+            displacement
+                .terms(angle)
                 .map(move |(jerk, gain)| (jerk, row[angle] * gain))
         });
-        let coasted =
-            (0..DOF).map(|angle| row[angle] * (way.coasted_rad[angle] - other_way_rad[angle]));
+        let coasted = (0..DOF).map(|angle| {
+            row[angle] * (displacement.coasted_rad[angle] - other_displacement_rad[angle])
+        });
         program.is_within(
             &terms.collect::<Vec<_>>(),
             coasted.sum(),
@@ -107,19 +108,21 @@ fn nearest_way(
     }
     let jerks = program.with_least(distance)?;
     Some(std::array::from_fn(|angle| {
-        let gained = way.terms(angle).map(|(jerk, gain)| jerks[jerk] * gain);
-        way.coasted_rad[angle] + gained.sum::<f64>()
+        let gained = displacement
+            .terms(angle)
+            .map(|(jerk, gain)| jerks[jerk] * gain);
+        displacement.coasted_rad[angle] + gained.sum::<f64>()
     }))
 }
 
 /// Where the jerks of a stop's steps lead.
-struct Way {
+struct Displacement {
     step_s: f64,
-    /// The way without any jerk, rad.
+    /// The displacement without any jerk, rad.
     coasted_rad: Configuration,
 }
 
-impl Way {
+impl Displacement {
     fn of_stop([velocity, acceleration]: &[Configuration; 2], duration_s: f64) -> Self {
         let coasted =
             |angle: usize| (velocity[angle] + 0.5 * acceleration[angle] * duration_s) * duration_s;
@@ -129,7 +132,7 @@ impl Way {
         }
     }
 
-    /// The jerks of an angle, and the way that each adds for its size.
+    /// The jerks of an angle, and the displacement that each adds for its size.
     fn terms(&self, angle: usize) -> impl Iterator<Item = (usize, f64)> {
         let step_s = self.step_s;
         (0..STEPS).map(move |step| {
@@ -139,6 +142,7 @@ impl Way {
         })
     }
 }
+
 /// A linear program in sparse rows: equations first, then inequalities, `row · x + slack = bound`.
 #[derive(Default)]
 struct Program {
@@ -277,13 +281,13 @@ mod tests {
             least_s < expected_s && expected_s < most_s * (1.0 + 1e-3),
             "{stop:?} for {expected_s}"
         );
-        let found_rad = stop.way_rad.unwrap();
+        let found_rad = stop.displacement_rad.unwrap();
         let error_rad = (0..DOF).map(|angle| (found_rad[angle] - way_rad[angle]).abs());
         let error_rad = error_rad.fold(0.0, f64::max);
         assert!(error_rad < 0.01 * way_rad[0].abs(), "{found_rad:?}");
         // The tendon that brakes longest can rest nowhere else as soon.
         let elsewhere = shortest_stop(&body, limits, &rates, between_s, &[0.0; DOF]);
-        let [found, other] = [found_rad[0], elsewhere.way_rad.unwrap()[0]];
+        let [found, other] = [found_rad[0], elsewhere.displacement_rad.unwrap()[0]];
         assert!((found - other).abs() < 0.02 * found.abs(), "{elsewhere:?}");
     }
 }

@@ -89,7 +89,7 @@ fn assert_comes_to_rest_within_limits(stack: &Stack, cycles: &[FollowedCycle]) {
         for motor in 0..before.velocity_m_s.len() {
             let change = (after.velocity_m_s[motor] - before.velocity_m_s[motor]).abs();
             assert!(
-                change <= limits.acceleration * (1.001 * elapsed_s),
+                change <= 1.001 * limits.acceleration * elapsed_s,
                 "{change} in {elapsed_s} s: {pair:#?}"
             );
             assert!(after.velocity_m_s[motor].abs() <= 1.001 * limits.velocity);

@@ -54,9 +54,9 @@ pub enum Infeasible {
         /// Largest part of a limit that is used, until the robot rests.
         share: f64,
     },
-    /// The robot cannot come to rest straight ahead without contact or within its bending limits.
+    /// The robot cannot come to rest without contact or within its bending limits.
     #[error(
-        "start cannot stop: braking straight ahead is not certified free of contact and within the bending limits"
+        "start cannot stop: braking is not certified free of contact and within the bending limits"
     )]
     StartCannotStop,
     /// No configuration within the limits puts the tip on the goal.

@@ -78,7 +78,7 @@ pub struct Request {
     pub knots: usize,
     /// Corrections that a path gets before it is given up, 0 to `MOST_CORRECTIONS`; that many is usual, and larger numbers mean the same.
     pub corrections: usize,
-    /// How the robot moves at the start, none where it rests. A moving robot first brakes straight ahead, then goes on from rest, but for
+    /// How the robot moves at the start, none where it rests. A moving robot first brakes to rest, then goes on from rest, but for
     /// `end_to_move`.
     pub start_motion: Option<StartMotion>,
     /// The plan to go on from; read by [`Sampler::Default`] and [`Sampler::Fast`].

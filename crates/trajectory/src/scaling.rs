@@ -2,6 +2,5 @@
 
 pub(crate) mod longest_stop;
 pub(crate) mod rate_law;
-mod stop_profile;
 pub(crate) mod stopping;
 mod three_part_stop;

@@ -56,42 +56,45 @@ use report::Report;
 use scale::Scale;
 use tests::programs::repository;
 
+/// A group of checks.
+type Group = fn(&mut Report, Scale);
+
 /// What can be measured as a whole: its groups of checks, in this order.
 struct Suite {
     name: &'static str,
     /// The weights that the groups measure, where these are a matter of choice.
     weights: fn() -> String,
-    groups: &'static [fn(&mut Report, Scale)],
+    groups: &'static [&'static [Group]],
 }
 
 const SUITES: [Suite; 7] = [
     Suite {
         name: "chain",
         weights: String::new,
-        groups: &[
+        groups: &[&[
             geometry::run,
             |report, _| refusals::run(report),
             processes::run,
             real_time::run,
             evaluation::run,
             demo::run,
-        ],
+        ]],
     },
     Suite {
         name: "paper",
         weights: runs::weights_in_use,
-        groups: &[
+        groups: &[&[
             paper_data::run,
             |report, _| paper_parity::run(report),
             |report, _| paper_refusals::run(report),
             paper_speed::run,
             paper_ablation::run,
-        ],
+        ]],
     },
     Suite {
         name: "fast",
         weights: runs::weights_in_use,
-        groups: &[
+        groups: &[&[
             fast_latency::run,
             fast_certified::run,
             fast_timing::run,
@@ -99,27 +102,27 @@ const SUITES: [Suite; 7] = [
             fast_ablation::run,
             fast_growth::run,
             fast_soak::run,
-        ],
+        ]],
     },
     Suite {
         name: "safe",
         weights: String::new,
-        groups: safe::GROUPS,
+        groups: &[safe::GROUPS],
     },
     Suite {
         name: "motion",
         weights: runs::weights_in_use,
-        groups: motion::GROUPS,
+        groups: &[motion::GROUPS, safe::GROUPS],
     },
     Suite {
         name: "evidence",
         weights: runs::weights_in_use,
-        groups: evidence::GROUPS,
+        groups: &[evidence::GROUPS],
     },
     Suite {
         name: "join",
         weights: runs::weights_in_use,
-        groups: join::GROUPS,
+        groups: &[join::GROUPS, safe::GROUPS],
     },
 ];
 
@@ -143,7 +146,7 @@ fn main() -> ExitCode {
     };
     let file = repository().join(format!("target/acceptance/{name}.json"));
     let mut report = Report::new(full.then_some(file), (suite.weights)()).only(only);
-    for group in suite.groups {
+    for group in suite.groups.iter().copied().flatten() {
         group(&mut report, Scale { full });
     }
     if let Some(groups) = report.unless_met() {

@@ -1,4 +1,4 @@
-//! Starts in motion: the robot brakes straight ahead, and every motion begins while it does, or after that.
+//! Starts in motion: the robot brakes to rest, and every motion begins while it does, or after that.
 
 use crate::error::Infeasible;
 use crate::motion::along_polyline::append;

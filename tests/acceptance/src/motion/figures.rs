@@ -102,8 +102,8 @@ pub(super) struct Figures {
     pub(super) stops_solved: Vec<String>,
     /// By how much replans may be later of which the linear program leaves open whether they are, ms.
     pub(super) left_open_ms: Vec<f64>,
-    /// The same by the stop straight ahead that the planner knows.
-    pub(super) won_ahead: Vec<f64>,
+    /// (stop-then-go − joined) ÷ the planner's own stop, by that stop.
+    pub(super) won_by_own_stop: Vec<f64>,
     /// The same beside a robot that stops as soon as it is asked to, where the motion was followed that is left.
     pub(super) won_from_the_request: Vec<f64>,
     /// Arrivals later than the shortest stop by a motion of a plan that its deadline cut short.
@@ -275,7 +275,7 @@ impl Figures {
     }
 
     /// Compares a joined motion that was begun with stopping first: by a lower bound of every stop, and where it is later than that, by the
-    /// earlier of two that can be executed, by the shortest stop and by the one straight ahead. Returns whether it is later than that, too.
+    /// earlier of two that keep acceleration and jerk limits, the shortest stop and the planner's own. Returns whether it is later than that, too.
     pub(super) fn compare(
         &mut self,
         motion: &Published,
@@ -293,9 +293,9 @@ impl Figures {
         if is_later(&won) {
             let shortest = by_the_shortest_stop()?;
             let [least_s, shortest_s] = shortest.stop_s;
-            let ahead_s = reference.stop_ahead_s + go_s;
+            let own_s = reference.own_stop_s + go_s;
             let go_s = shortest.go_s.unwrap_or(f64::INFINITY);
-            let won_s = |stop_s: f64| ahead_s.min(stop_s + go_s) - duration_s;
+            let won_s = |stop_s: f64| own_s.min(stop_s + go_s) - duration_s;
             won = won_s(shortest_s) / shortest_s;
             if is_later(&(won_s(least_s) / shortest_s)) && !is_later(&won) {
                 self.left_open_ms.push(-1e3 * won_s(least_s));
@@ -303,7 +303,7 @@ impl Figures {
             self.stops_solved.push(format!(
                 "stop {:.5}, {shortest_s:.5}, {:.5} s: won {:.3} ms",
                 reference.least_stop_s,
-                reference.stop_ahead_s,
+                reference.own_stop_s,
                 1e3 * won_s(shortest_s)
             ));
         }
@@ -313,7 +313,7 @@ impl Figures {
         }
         self.later_truncated += usize::from(is_truncated && is_later(&won));
         self.won.push(won);
-        self.won_ahead.push(share(reference.stop_ahead_s));
+        self.won_by_own_stop.push(share(reference.own_stop_s));
         Ok(is_later(&won))
     }
 

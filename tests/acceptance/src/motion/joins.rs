@@ -155,18 +155,18 @@ fn wins(report: &mut Report, name: &str, figures: &Figures) {
     let later = won.iter().filter(|won| is_later(won)).count();
     let figure = format!(
         "median {:.3}, p10 {:.3}, p90 {:.3} of the shortest stop ({} motions that stop on their way count 0), by the time in which the slowest tendon can come to rest, which is a lower \
-         bound, and by a linear program where that is too short; by the planner's own stop straight ahead median {:.3}; {} compared, {} begun at rest or not at all and {refused} refused count 0",
+         bound, and by a linear program where that is too short; by the planner's own stop median {:.3}; {} compared, {} begun at rest or not at all and {refused} refused count 0",
         at(0.5),
         at(0.1),
         at(0.9),
         figures.stopped_between,
-        median(&figures.won_ahead),
-        figures.won_ahead.len(),
-        figures.won.len() - figures.won_ahead.len(),
+        median(&figures.won_by_own_stop),
+        figures.won_by_own_stop.len(),
+        figures.won.len() - figures.won_by_own_stop.len(),
     );
     let solved = figures.stops_solved.iter().take(20).cloned();
     report.shown(
-        &format!("{name}: stops solved for (slowest tendon, shortest, straight ahead)"),
+        &format!("{name}: stops solved for (slowest tendon, shortest, the planner's own)"),
         format!(
             "{}: {}",
             figures.stops_solved.len(),
@@ -202,13 +202,18 @@ fn wins(report: &mut Report, name: &str, figures: &Figures) {
     );
     let worst = won.first().copied().unwrap_or(f64::NAN);
     let truncated = figures.later_truncated;
-    let ahead: Vec<f64> = figures.won_ahead.iter().copied().filter(is_later).collect();
+    let by_own: Vec<f64> = figures
+        .won_by_own_stop
+        .iter()
+        .copied()
+        .filter(is_later)
+        .collect();
     let figure = format!(
-        "{later} of {}, the worst {worst:.3}; {truncated} of them of plans that their deadline cut short; by the planner's own stop straight ahead {}, \
+        "{later} of {}, the worst {worst:.3}; {truncated} of them of plans that their deadline cut short; by the planner's own stop {}, \
          the worst {:.5}",
         won.len(),
-        ahead.len(),
-        ahead.iter().copied().fold(0.0, f64::min)
+        by_own.len(),
+        by_own.iter().copied().fold(0.0, f64::min)
     );
     report.check(&format!("{name}: arrivals later"), figure, "0", later == 0);
 }

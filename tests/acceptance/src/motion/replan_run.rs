@@ -244,7 +244,7 @@ fn keep_later(
         "balls": balls,
         "knots": knots,
         "go_s": reference.go_s,
-        "stop_ahead_s": reference.stop_ahead_s,
+        "own_stop_s": reference.own_stop_s,
     });
     std::fs::create_dir_all(folder())?;
     let mut file = File::options()
