@@ -54,13 +54,14 @@ fn build_if_old() {
     }
 }
 
-/// Whether a program is missing, or older than one of its sources.
+/// Whether a program or one of its sources is missing, or the source is newer.
 fn is_old(program: &Path) -> bool {
-    modified(program) < newest_source(program)
+    let (built, newest) = (modified(program), newest_source(program));
+    !matches!((built, newest), (Some(built), Some(newest)) if built >= newest)
 }
 
-/// When the newest source of a program was changed: of the files that Cargo notes beside what it was asked for. Beside a program that was
-/// built for tests it notes none, and every source of the programs counts.
+/// When the newest source of a program was changed, if none is missing: of the files that Cargo notes beside what it was asked for. Beside a
+/// program that was built for tests it notes none, and every source of the programs counts.
 fn newest_source(program: &Path) -> Option<SystemTime> {
     let Ok(noted) = fs::read_to_string(program.with_extension("d")) else {
         let folders = SOURCES.iter().map(|folder| repository().join(folder));
@@ -69,10 +70,9 @@ fn newest_source(program: &Path) -> Option<SystemTime> {
     let sources = noted.split_once(": ").map_or("", |(_, sources)| sources);
     // A space in a path is noted with a backslash before it.
     let sources = sources.trim_end().replace("\\ ", "\0");
-    let times = sources
-        .split(' ')
-        .map(|source| modified(Path::new(&source.replace('\0', " "))));
-    times.max().flatten()
+    let time = |source: &str| modified(Path::new(&source.replace('\0', " ")));
+    let times: Option<Vec<SystemTime>> = sources.split(' ').map(time).collect();
+    times?.into_iter().max()
 }
 
 fn build(folder: &Path) {

@@ -272,19 +272,22 @@ mod tests {
         let expected_s =
             0.5 * limits.velocity / limits.acceleration + limits.acceleration / limits.jerk;
         let rates = [velocity, [0.0; DOF]];
-        let mut way_rad = [0.0; DOF];
-        way_rad[0] = 0.5 * velocity[0] * expected_s;
+        let mut displacement_rad = [0.0; DOF];
+        displacement_rad[0] = 0.5 * velocity[0] * expected_s;
         let between_s = [0.0, 3.0 * expected_s];
-        let stop = shortest_stop(&body, limits, &rates, between_s, &way_rad);
+        let stop = shortest_stop(&body, limits, &rates, between_s, &displacement_rad);
         let [least_s, most_s] = stop.between_s;
         assert!(
             least_s < expected_s && expected_s < most_s * (1.0 + 1e-3),
             "{stop:?} for {expected_s}"
         );
         let found_rad = stop.displacement_rad.unwrap();
-        let error_rad = (0..DOF).map(|angle| (found_rad[angle] - way_rad[angle]).abs());
+        let error_rad = (0..DOF).map(|angle| (found_rad[angle] - displacement_rad[angle]).abs());
         let error_rad = error_rad.fold(0.0, f64::max);
-        assert!(error_rad < 0.01 * way_rad[0].abs(), "{found_rad:?}");
+        assert!(
+            error_rad < 0.01 * displacement_rad[0].abs(),
+            "{found_rad:?}"
+        );
         // The tendon that brakes longest can rest nowhere else as soon.
         let elsewhere = shortest_stop(&body, limits, &rates, between_s, &[0.0; DOF]);
         let [found, other] = [found_rad[0], elsewhere.displacement_rad.unwrap()[0]];

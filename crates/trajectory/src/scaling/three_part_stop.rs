@@ -70,6 +70,13 @@ struct Stop<'a> {
     tendons: Vec<Tendon>,
 }
 
+/// The shortest stop so far, or what it has to be shorter than.
+struct Best {
+    shares: [f64; 3],
+    lasts_s: f64,
+    motion: Option<Trajectory>,
+}
+
 /// The shortest stop in three parts that is found from where another stop begins, at time 0, if it is shorter than that one. The limits of
 /// acceleration and jerk are kept, and that of velocity as far as the other stop keeps it.
 pub(super) fn three_part_stop(
@@ -123,30 +130,51 @@ impl Stop<'_> {
         let shortest_s = SHORTEST_STOP * self.limits.acceleration / self.limits.jerk;
         let least_s = slowest.least_s().max(shortest_s);
         let [long_parts, all_parts] = SHORT_PARTS.map(|short| shares(slowest.fastest_s, short));
-        let mut best = long_parts?;
-        let mut found = self.shortest_between(least_s, longest_s, best);
-        if let Some(shares) = all_parts.filter(|it| *it != best) {
-            let bound_s = found.as_ref().map_or(longest_s, Trajectory::duration);
-            if let Some(motion) = self.shortest_between(least_s, bound_s, shares) {
-                (best, found) = (shares, Some(motion));
-            }
-        }
+        let mut best = Best {
+            shares: long_parts?,
+            lasts_s: longest_s,
+            motion: None,
+        };
+        self.improve(&mut best, least_s, long_parts);
+        self.improve(
+            &mut best,
+            least_s,
+            all_parts.filter(|_| all_parts != long_parts),
+        );
         let ([mut step, last_step], mut changes) = (STEPS, 0);
-        while step > last_step && changes < CHANGES {
-            let bound_s = found.as_ref().map_or(longest_s, Trajectory::duration);
-            if bound_s <= least_s * (1.0 + 2.0 * RESOLVED) {
-                break;
-            }
-            let shorter = |it: [f64; 3]| Some((it, self.shortest_between(least_s, bound_s, it)?));
-            match neighbours(best, step).find_map(shorter) {
-                Some((shares, motion)) => {
-                    (best, found) = (shares, Some(motion));
-                    changes += 1;
-                }
-                None => step *= 0.5,
+        while step > last_step
+            && changes < CHANGES
+            && best.lasts_s > least_s * (1.0 + 2.0 * RESOLVED)
+        {
+            let changed = neighbours(best.shares, step);
+            if self.improve(&mut best, least_s, changed) {
+                changes += 1;
+            } else {
+                step *= 0.5;
             }
         }
-        found
+        best.motion
+    }
+
+    /// Replaces the best stop by that with the first of these shares with which it is shorter, if there is one.
+    fn improve(
+        &self,
+        best: &mut Best,
+        least_s: f64,
+        tried: impl IntoIterator<Item = [f64; 3]>,
+    ) -> bool {
+        tried.into_iter().any(|shares| {
+            let found = self.shortest_between(least_s, best.lasts_s, shares);
+            let is_shorter = found.is_some();
+            if let Some(motion) = found {
+                *best = Best {
+                    shares,
+                    lasts_s: motion.duration(),
+                    motion: Some(motion),
+                };
+            }
+            is_shorter
+        })
     }
 
     /// The shortest stop with these shares between two durations; none where neither the shorter one nor one just below the longer one has a
