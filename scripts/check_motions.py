@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """Judges every certified motion of `pcc evaluate` by dense sampling: geometry and time law of its own, numpy alone.
 
-    scripts/check_motions.py DIR [DIR ..] --dataset DATA [--robot config/robots/unit.toml]
+    scripts/check_motions.py DIR [DIR ..] --dataset DATA [--records FILE] [--robot config/robots/unit.toml]
 
 DIR has paths.npz; starts, targets and balls are those of the cases of the data set's split `test`. Knots are joined by quintic Hermite polynomials; each piece is looked at in equal steps of time, the body at equal
 steps of each arc. A motion is contradicted where a sampled point is in a ball (a sampled clearance is never less than the true
-one), its start or its tip is elsewhere, a section bends too far, or a tendon exceeds a limit. The first motion of each folder is judged
-once more in copies that are damaged in one way each, in each of which that must be found. Prints a line a folder and one JSON object at the
-end; exit status 1 where a motion is contradicted or a damaged copy is not.
+one), its start or its tip is elsewhere, a section bends too far, or a tendon exceeds a limit. The first, middle and last motion of each folder are
+judged once more in copies that are damaged in one way each, in each of which that must be found. FILE has the records that `pcc compare` keeps of
+the same planner and cases: certified motions that last as long as theirs are counted. Prints a line a folder and one JSON object at the end; exit
+status 1 where a motion is contradicted or a damaged copy is not.
 """
 
 import argparse
@@ -29,6 +30,10 @@ LIMIT_SLACK = 1e-6
 ROUNDING = 1e-9
 # How many times as slow a copy is that bends too far, so that it keeps all limits.
 SLOWER = 1e3
+# By how much a ball of what radius is grazed in a copy, m.
+GRAZED, GRAZING_RADIUS = 2e-3, 0.2
+# Durations of the same motion differ by no more, s.
+SAME_DURATION = 1e-9
 # The code of the split `test` in a data set's `split_indices`.
 TEST_SPLIT = 2
 
@@ -141,22 +146,38 @@ def damaged(robot, motion, start, target, centres, radii):
     elsewhere[0, 0, 0] += 1e-3
     bent[len(bent) // 2, 0, 0] += robot.limit
     tip = backbone(robot, knots[len(knots) // 2, 0][None])[0, -1:]
-    hit = np.vstack([centres.reshape(-1, 3), tip]), np.append(radii, 1.0e-3)
     case = start, target, centres, radii
+
+    def with_ball(centre, radius):
+        return times, knots, start, target, np.vstack([centres.reshape(-1, 3), centre]), np.append(radii, radius)
+
     return {
         "begins elsewhere": (times, elsewhere, *case),
         "of its limit": (times / 1.5, knots * 1.5**orders, *case),
         "bends by": (times * SLOWER, bent, *case),
         "from the target": (times, knots, start, target + [0.0, 0.0, 2.1 * TIP_TOLERANCE], centres, radii),
-        "inside a ball": (times, knots, start, target, *hit),
+        "inside a ball": with_ball(tip, 1.0e-3),
+        "inside a ball, grazed": with_ball(grazed(robot, times, knots), GRAZING_RADIUS),
     }
+
+
+def grazed(robot, times, knots):
+    """The centre of a ball that the middle of the robot grazes on one side, halfway between two knots and between two looks at the piece."""
+    between = (STEPS_OF_A_PIECE // 2 + 0.5) / STEPS_OF_A_PIECE
+    piece = len(knots) // 2
+    shape = hermite(knots[piece - 1 : piece + 1], times[piece - 1 : piece + 1], [between])[0, 0, 0]
+    points = backbone(robot, shape[None])[0]
+    middle = 3 * POINTS_OF_A_SECTION // 2
+    along = points[middle + 1] - points[middle - 1]
+    across = np.cross(along, [0.0, 1.0, 0.0])
+    return points[middle] + across / np.linalg.norm(across) * (robot.tube + GRAZING_RADIUS - GRAZED)
 
 
 def unnoticed_of(robot, motion, *case):
     """How many damaged copies of a motion there are, and in which of them what is wrong is not found."""
     copies = damaged(robot, motion, *case)
     found = {word: faults(robot, *copy) for word, copy in copies.items()}
-    is_found = {word: any(word in text for text in texts) for word, texts in found.items()}
+    is_found = {word: any(word.split(",")[0] in text for text in texts) for word, texts in found.items()}
     return len(copies), [f"damaged, {word}: {found[word] or 'unnoticed'}" for word in copies if not is_found[word]]
 
 
@@ -172,13 +193,30 @@ def judge_case(job):
     return len(motions), int(certified.sum()), contradicted
 
 
-def first_motion(jobs):
-    """The first motion of some jobs with its case: the arguments of `unnoticed_of` after the robot; none where there is no motion."""
+def some_motions(jobs):
+    """The first, middle and last of the jobs' motions with their cases: the arguments of `unnoticed_of` after the robot."""
+    motions = []
     for _, _, times, knots, delivered, certified, *case in jobs:
         for candidate in np.flatnonzero(delivered | certified):
             count = int(np.isfinite(times[candidate]).sum())
-            return (times[candidate, :count], knots[candidate, :count]), *case
-    return None
+            motions.append(((times[candidate, :count], knots[candidate, :count]), *case))
+    places = {0, len(motions) // 2, len(motions) - 1} if motions else ()
+    return [motions[place] for place in places]
+
+
+def same_as_recorded(folder, records):
+    """How many motions some records of `pcc compare` have, and how many certified ones last as long, case by case."""
+    with np.load(folder / "paths.npz") as file:
+        times, certified = file["knot_time"], file["certified"].astype(bool)
+    recorded = same = 0
+    for line in records.read_text().splitlines()[1:]:
+        record = json.loads(line)
+        theirs = np.array([motion["duration_s"] for motion in record["motions"]])
+        ours = np.nanmax(times[record["case"]][certified[record["case"]]], axis=1, initial=-np.inf)
+        recorded += len(theirs)
+        if len(ours) == len(theirs):
+            same += int((np.abs(np.sort(ours) - np.sort(theirs)) <= SAME_DURATION).sum())
+    return recorded, same
 
 
 def cases(dataset):
@@ -208,16 +246,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--dataset", required=True, type=Path)
+    parser.add_argument("--records", type=Path)
     parser.add_argument("--robot", default="config/robots/unit.toml")
     arguments = parser.parse_args()
     robot = Robot(arguments.robot)
-    whole = {"judged": 0, "certified": 0, "contradicted": 0, "damaged": 0, "unnoticed": 0}
+    whole = {"judged": 0, "certified": 0, "contradicted": 0, "damaged": 0, "unnoticed": 0, "recorded": 0, "same": 0}
     with ProcessPoolExecutor() as workers:
         for folder in arguments.folders:
             results = list(workers.map(judge_case, jobs(robot, folder, arguments.dataset), chunksize=4))
             counts, certified, contradicted = zip(*results)
-            first = first_motion(jobs(robot, folder, arguments.dataset))
-            damages, unnoticed = unnoticed_of(robot, *first) if first else (0, [])
+            of_damaged = [unnoticed_of(robot, *motion) for motion in some_motions(jobs(robot, folder, arguments.dataset))]
+            damages, unnoticed = sum(count for count, _ in of_damaged), [text for _, texts in of_damaged for text in texts]
             texts = [text for of_case in contradicted for text in of_case] + unnoticed
             print(f"{folder}: {sum(counts)} motions, {len(texts)} faults", *texts, sep="\n  ", flush=True)
             whole["judged"] += sum(counts)
@@ -225,6 +264,10 @@ def main():
             whole["contradicted"] += len(texts) - len(unnoticed)
             whole["damaged"] += damages
             whole["unnoticed"] += len(unnoticed)
+            if arguments.records:
+                recorded, same = same_as_recorded(folder, arguments.records)
+                whole["recorded"] += recorded
+                whole["same"] += same
     print(json.dumps(whole))
     sys.exit(whole["contradicted"] + whole["unnoticed"] > 0)
 

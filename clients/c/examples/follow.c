@@ -5,7 +5,7 @@
 int main(int count, char **argument) {
   if (count != 2) return fprintf(stderr, "usage: follow CONTROLLER_FILE\n"), 2;
   PccFollower *follower = pcc_follower_connect(NULL, NULL, argument[1], NULL);
-  if (!follower) return fprintf(stderr, "%s\n", pcc_last_error()), 1;
+  if (!follower || pcc_follower_shut_down_at_signals(follower) < 0) return fprintf(stderr, "%s\n", pcc_last_error()), 1;
   PccFollowedCycle cycle;
   int32_t told;
   while ((told = pcc_follower_next(follower, &cycle)) == 1)

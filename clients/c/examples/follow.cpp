@@ -5,5 +5,6 @@
 int main(int count, char **argument) {
   if (count != 2) return std::cerr << "usage: follow CONTROLLER_FILE\n", 2;
   pcc::Follower follower(argument[1]);
+  follower.shut_down_at_signals();
   while (std::optional<PccFollowedCycle> cycle = follower.next()) follower.report(cycle->targets.position_m);
 }

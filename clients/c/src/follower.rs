@@ -107,6 +107,17 @@ pub extern "C" fn pcc_follower_report(
     or_fail(report(), -1)
 }
 
+/// Has Ctrl-C and SIGTERM do what `pcc_follower_shut_down` does, in place of ending the process in motion. 0, or -1 where it fails.
+#[unsafe(no_mangle)]
+pub extern "C" fn pcc_follower_shut_down_at_signals(follower: *const Follower) -> i32 {
+    let register = || {
+        let Follower(follower) = read(follower, "follower")?;
+        follower.shut_down_at_signals().map_err(ClientError::from)?;
+        Ok(0)
+    };
+    or_fail(register(), -1)
+}
+
 /// Stops the robot along its path; go on with cycles until `pcc_follower_next` says 0. 0, or -1 where it fails.
 #[unsafe(no_mangle)]
 pub extern "C" fn pcc_follower_shut_down(follower: *const Follower) -> i32 {

@@ -28,7 +28,7 @@ pub use driver::{
 pub use error::{ErrorKind, pcc_last_error, pcc_last_error_kind};
 pub use follower::{
     FollowedCycle, Follower, pcc_follower_connect, pcc_follower_free, pcc_follower_next,
-    pcc_follower_report, pcc_follower_shut_down,
+    pcc_follower_report, pcc_follower_shut_down, pcc_follower_shut_down_at_signals,
 };
 pub use goal::{
     GoalSender, pcc_goal_connect, pcc_goal_free, pcc_goal_give, pcc_goal_move,

@@ -41,9 +41,12 @@ impl Follower {
         slf
     }
 
-    fn __next__(&mut self, py: Python<'_>) -> PyResult<Option<Cycle>> {
+    fn __next__(slf: &Bound<'_, Self>) -> PyResult<Option<Cycle>> {
+        let py = slf.py();
+        // Before it is borrowed: a handler may shut it down.
         py.check_signals()?;
-        Ok(detached(py, || self.0.next_cycle()).map(Cycle))
+        let follower = &mut *slf.try_borrow_mut()?;
+        Ok(detached(py, || follower.0.next_cycle()).map(Cycle))
     }
 
     /// Says what the motors did in this cycle: the measured lengths of the tendons, and whether the motors are in fault.

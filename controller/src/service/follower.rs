@@ -1,6 +1,5 @@
 //! The controller in a program that has a loop and motors of its own: everything but the set-points' way to the motors.
 
-use std::io;
 use std::sync::{
     Arc,
     atomic::{AtomicBool, Ordering},
@@ -14,7 +13,7 @@ use shared_types::{
     message::{RobotState, Setpoint},
 };
 
-use signal_hook::consts::SIGUSR1;
+use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
 
 use super::{
     config::ControllerConfig,
@@ -84,8 +83,7 @@ impl Follower {
     ) -> Result<Self, IpcError> {
         let (config, signals) = (Arc::new(config), Signals::default());
         let shutdown = Arc::clone(&signals.shutdown);
-        signal_hook::flag::register(SIGUSR1, Arc::clone(&signals.stop))
-            .map_err(|error| no_signal(&error))?;
+        set_at(SIGUSR1, &signals.stop)?;
         let (services, link) = LoopServices::start(&config, options, signals)?;
         robot_driver::claim_shared_memory(options)?;
         let period = Duration::from_nanos(config.executive.period_ns.unsigned_abs());
@@ -132,14 +130,26 @@ impl Follower {
     pub fn shut_down(&self) {
         self.shutdown.store(true, Ordering::Relaxed);
     }
+
+    /// Has Ctrl-C and SIGTERM do what [`Self::shut_down`] does, in place of ending the process in motion.
+    ///
+    /// # Errors
+    /// [`IpcError::Failed`] where the system refuses a handler.
+    pub fn shut_down_at_signals(&self) -> Result<(), IpcError> {
+        [SIGINT, SIGTERM]
+            .into_iter()
+            .try_for_each(|signal| set_at(signal, &self.shutdown))
+    }
 }
 
-fn no_signal(error: &io::Error) -> IpcError {
-    IpcError::Failed {
+/// Has a signal set a flag.
+fn set_at(signal: i32, flag: &Arc<AtomicBool>) -> Result<(), IpcError> {
+    let registered = signal_hook::flag::register(signal, Arc::clone(flag));
+    registered.map(drop).map_err(|error| IpcError::Failed {
         service: "controller".to_owned(),
-        what: "the handler of SIGUSR1",
+        what: "a signal's handler",
         reason: error.to_string(),
-    }
+    })
 }
 
 impl Drop for Follower {

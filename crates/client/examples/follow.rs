@@ -16,6 +16,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let config = ControllerConfig::from_file(&PathBuf::from(file))?;
     let motors = TendonState::default();
     let mut follower = Follower::open(config, &IpcOptions::from_env(), &motors)?;
+    follower.shut_down_at_signals()?;
     while let Some(cycle) = follower.next_cycle() {
         follower.report(&cycle.targets.position_m, MotorFault::None);
     }

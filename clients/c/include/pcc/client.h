@@ -424,6 +424,11 @@ int32_t pcc_follower_report(PccFollower *follower,
                             uint32_t fault);
 
 /*
+ Has Ctrl-C and SIGTERM do what `pcc_follower_shut_down` does, in place of ending the process in motion. 0, or -1 where it fails.
+ */
+int32_t pcc_follower_shut_down_at_signals(const PccFollower *follower);
+
+/*
  Stops the robot along its path; go on with cycles until `pcc_follower_next` says 0. 0, or -1 where it fails.
  */
 int32_t pcc_follower_shut_down(const PccFollower *follower);

@@ -192,6 +192,8 @@ class Follower {
   void report(std::span<const double, 9> measured_m, PccMotorFault fault = PCC_MOTOR_FAULT_NONE) {
     detail::is_one(pcc_follower_report(follower_.get(), measured_m.data(), fault));
   }
+  /// Has Ctrl-C and SIGTERM do what `shut_down` does, in place of ending the process in motion.
+  void shut_down_at_signals() { detail::is_one(pcc_follower_shut_down_at_signals(follower_.get())); }
   /// Stops the robot along its path; go on with cycles until there is none.
   void shut_down() { detail::is_one(pcc_follower_shut_down(follower_.get())); }
 

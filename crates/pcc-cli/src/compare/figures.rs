@@ -65,6 +65,8 @@ pub(super) struct Paired {
     pub(super) longest_tip: Option<f64>,
     /// Cases in which both have certified motions.
     pub(super) both: usize,
+    /// Cases in which only the other one has.
+    pub(super) only_other: usize,
 }
 
 impl ByBalls {
@@ -170,8 +172,13 @@ impl Paired {
             shortest_tip: both.iter().filter_map(tip_ratio).min_by(f64::total_cmp),
             longest_tip: both.iter().filter_map(tip_ratio).max_by(f64::total_cmp),
             both: both.len(),
+            only_other: pairs.iter().filter(|it| is_only_other(it)).count(),
         }
     }
+}
+
+fn is_only_other((own, other): &(&CaseRecord, &CaseRecord)) -> bool {
+    own.motions.is_empty() && !other.motions.is_empty()
 }
 
 /// Median tip length of a case ÷ the other planner's.

@@ -299,7 +299,7 @@ fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
     };
     let ratio = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |it| format!("{it:.3}"));
     format!(
-        "<li><code>{against}</code> and <code>{}</code>: certified {} points, success {} points, its request takes {} ms more and has {} modes more; of {} cases that both solve, its median motion has \
+        "<li><code>{against}</code> and <code>{}</code>: certified {} points, success {} points, its request takes {} ms more and has {} modes more; of {} cases that both solve (and {} that only the other does), its median motion has \
          the shorter tip in {}, the smoother tip in {}, and lasts shorter in {}; the other's tip length ÷ its own is {} in the mean, {} to {}. {}.</li>",
         other.planner,
         points(&paired.certified_ahead),
@@ -307,6 +307,7 @@ fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
         over(&paired.request_longer_s, 1e3, 2),
         over(&paired.modes_ahead, 1.0, 1),
         paired.both,
+        paired.only_other,
         shares(&paired.tip_longer, &paired.tip_shorter),
         shares(&paired.tip_rougher, &paired.tip_smoother),
         shares(&paired.slower, &paired.faster),
@@ -401,6 +402,7 @@ mod tests {
             shortest_tip: Some(0.8),
             longest_tip: Some(1.2),
             both: 20,
+            only_other: 1,
         };
         let expected = "<b>Ahead</b> in certified share, time of a request, smoothness; <b>behind</b> in success, tip length; \
                         no difference is shown in modes, duration";

@@ -405,8 +405,8 @@ mod tests {
         assert_eq!(fastest_s([4.0, 0.0], [1.0, 1.0]), [1.0, 3.0, 1.0]);
         assert_eq!(fastest_s([-1.0, 0.0], [10.0, 1.0]), [1.0, 0.0, 1.0]);
         // From an acceleration alone, and from one that is just braked away.
-        let swing_s: f64 = fastest_s([0.0, 1.0], [9.0, 1.0]).iter().sum();
-        assert!((swing_s - (1.0 + 2.0_f64.sqrt())).abs() < 1e-12);
+        let reversing_s: f64 = fastest_s([0.0, 1.0], [9.0, 1.0]).iter().sum();
+        assert!((reversing_s - (1.0 + 2.0_f64.sqrt())).abs() < 1e-12);
         assert_eq!(fastest_s([-0.5, 1.0], [2.0, 1.0]), [1.0, 0.0, 0.0]);
     }
 

@@ -1,32 +1,23 @@
 //! Certified motions judged by numpy: no geometry and no time law of this project.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use serde_json::Value;
 use tests::programs::repository;
 
-use super::comparison::compare;
-use super::planners::planners;
-use crate::fast_cases;
+use super::comparison::{compare, out};
+use super::planners::{BY_THE_CLOCK, planners};
 use crate::paper_python::environment;
-use crate::paper_runs::{HARD, MIXED};
 use crate::report::Report;
-use crate::runs::{Evaluation, Unseen, number};
+use crate::runs::{Evaluation, number};
 use crate::scale::Scale;
 
-/// General cases, whoever solves them.
-const GENERAL: Unseen = Unseen {
-    seed: 9001,
-    targets_for_ten_cases: 5,
-    ..fast_cases::GENERAL
-};
-
-/// Damaged copies of a folder's first motion.
-const DAMAGES: f64 = 5.0;
-/// Planners that end by the clock: another run makes other motions.
-const BY_THE_CLOCK: [&str; 2] = ["rrt-star", "bit-star"];
+/// Motions of a folder of which damaged copies are judged, and in how many ways each is damaged.
+const COPIED: f64 = 3.0;
+const DAMAGES: f64 = 6.0;
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
     let command = "scripts/check_motions.py";
@@ -35,50 +26,69 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             pip.arg("numpy>=2.0");
         })?;
         let compared = compare(scale, "fast")?;
-        let mut all = Judged::default();
-        let (mut same, mut planned) = (0, 0);
-        for (unseen, set) in [(MIXED, "reference"), (GENERAL, "general"), (HARD, "hard")] {
-            let cases = scale.pick(20, 250);
-            let dataset = unseen.make(cases)?;
+        let cases = scale.pick(20, 250);
+        let mut all = Judged {
+            python,
+            ..Judged::default()
+        };
+        for set in compared["sets"].as_array().context("no sets")? {
+            let set = set["set"].as_str().context("no name")?;
+            let dataset = dataset_of(scale, set)?;
             for planner in planners() {
-                let evaluation = Evaluation::of(unseen.name, &dataset, planner, cases);
+                let evaluation = Evaluation::of(set, &dataset, planner, cases);
                 evaluation.run(report, scale)?;
-                let certified = all.judge(&python, &evaluation.out(), &dataset)?;
-                if !BY_THE_CLOCK.contains(&planner) {
-                    planned += 1;
-                    same += usize::from(certified == certified_in(&compared, set, planner)?);
-                }
+                let records = out(scale).join(format!("cases/{set}-{planner}.jsonl"));
+                let records = (!BY_THE_CLOCK.contains(&planner)).then_some(records);
+                all.judge(&evaluation.out(), &dataset, records.as_deref())?;
             }
         }
         all.tell(report);
-        report.all_of(
-            "sets and planners with as many certified motions as in the comparison, but for those that end by the clock",
-            same,
-            planned,
-        );
         Ok(())
     });
+}
+
+/// The cases of a set of the comparison.
+fn dataset_of(scale: Scale, set: &str) -> anyhow::Result<PathBuf> {
+    let there = fs::read_dir(out(scale).join("sets"))?.flatten();
+    let is_of_set = |it: &fs::DirEntry| {
+        let name = it.file_name().to_string_lossy().into_owned();
+        name.rsplit_once('-').is_some_and(|(name, _)| name == set)
+    };
+    let found: Vec<PathBuf> = there.filter(is_of_set).map(|it| it.path()).collect();
+    match <[PathBuf; 1]>::try_from(found) {
+        Ok([dataset]) => Ok(dataset),
+        Err(found) => bail!("{} folders with cases of set {set}", found.len()),
+    }
 }
 
 /// What the checker said so far.
 #[derive(Default)]
 struct Judged {
+    python: PathBuf,
     motions: f64,
+    /// Certified motions of the comparison, those that were judged, and those that are the same.
+    recorded: [f64; 3],
     contradicted: Vec<String>,
     damaged: f64,
     unnoticed: f64,
 }
 
 impl Judged {
-    /// Has the motions of an evaluation judged; how many of them are certified.
-    fn judge(&mut self, python: &Path, folder: &Path, dataset: &Path) -> anyhow::Result<u64> {
-        let output = Command::new(python)
-            .current_dir(repository())
-            .arg("scripts/check_motions.py")
-            .arg(folder)
-            .arg("--dataset")
-            .arg(dataset)
-            .output()?;
+    /// Has the motions of an evaluation judged, and held against what the comparison has recorded of them.
+    fn judge(
+        &mut self,
+        folder: &Path,
+        dataset: &Path,
+        records: Option<&Path>,
+    ) -> anyhow::Result<()> {
+        let mut checker = Command::new(&self.python);
+        checker.current_dir(repository());
+        checker.arg("scripts/check_motions.py").arg(folder);
+        checker.arg("--dataset").arg(dataset);
+        if let Some(records) = records {
+            checker.arg("--records").arg(records);
+        }
+        let output = checker.output()?;
         let text = String::from_utf8_lossy(&output.stdout);
         let error = String::from_utf8_lossy(&output.stderr);
         let last = text.lines().last();
@@ -87,7 +97,7 @@ impl Judged {
         let verdict: Value = serde_json::from_str(last)?;
         let (motions, damaged) = (number(&verdict, "/judged")?, number(&verdict, "/damaged")?);
         ensure!(
-            motions == 0.0 || damaged == DAMAGES,
+            damaged == DAMAGES * motions.min(COPIED),
             "{}: {damaged} damaged copies",
             folder.display()
         );
@@ -97,7 +107,13 @@ impl Judged {
         let texts = text.lines().filter(|line| line.starts_with("  "));
         let of_folder = texts.map(|text| format!("{}: {text}", folder.display()));
         self.contradicted.extend(of_folder);
-        Ok(number(&verdict, "/certified")? as u64)
+        if records.is_some() {
+            let counts = ["/recorded", "/certified", "/same"];
+            for (sum, count) in self.recorded.iter_mut().zip(counts) {
+                *sum += number(&verdict, count)?;
+            }
+        }
+        Ok(())
     }
 
     fn tell(&self, report: &mut Report) {
@@ -106,25 +122,17 @@ impl Judged {
         let (judged, damaged) = (self.motions, self.damaged);
         report.check("motions judged", judged.to_string(), "> 0", judged > 0.0);
         report.check(
-            "damaged copies of motions (start, limits, bending, target, contact) in which that is found",
+            "damaged copies of motions (start, limits, bending, target, contact, grazing contact) in which that is found",
             format!("{} of {damaged}", damaged - self.unnoticed),
             "all, > 0",
             damaged > 0.0 && self.unnoticed == 0.0,
         );
+        let [recorded, certified, same] = self.recorded;
+        report.check(
+            "certified motions of the comparison that were judged, each as long as it is recorded, but for planners that end by the clock",
+            format!("{same} of {recorded}, of {certified} judged"),
+            "all, > 0",
+            recorded > 0.0 && same == recorded && certified == recorded,
+        );
     }
-}
-
-/// How many certified motions a planner has in a set of the comparison.
-fn certified_in(compared: &Value, set: &str, planner: &str) -> anyhow::Result<u64> {
-    let set = named(&compared["sets"], "set", set)?;
-    let of_planner = named(&set["planners"], "planner", planner)?;
-    let asked = number(set, "/cases")? * number(compared, "/candidates")?;
-    Ok((number(of_planner, "/all/certified/value")? * asked).round() as u64)
-}
-
-/// What has a name in a list.
-fn named<'a>(list: &'a Value, key: &str, name: &str) -> anyhow::Result<&'a Value> {
-    let list = list.as_array().context("no list")?;
-    let found = list.iter().find(|it| it[key] == name);
-    found.with_context(|| format!("no {name}"))
 }

@@ -1,11 +1,14 @@
 //! All planners on unseen reference, general and hard cases.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
 use anyhow::{Context, ensure};
 use serde_json::Value;
+use tests::programs::repository;
 
+use super::planners::BY_THE_CLOCK;
 use crate::report::Report;
 use crate::runs::{folder, number, run_pcc, title_of};
 use crate::scale::Scale;
@@ -13,11 +16,14 @@ use crate::scale::Scale;
 const COMMAND: &str = "pcc compare";
 /// Candidates, or attempts, of every case.
 const ATTEMPTS: f64 = 10.0;
+const SECONDS: &str = "seconds_a_success";
+/// The table of the page that is in the repository.
+const COMMITTED: &str = "docs/results/compare.csv";
 /// Figures of every planner, with their scales and digits.
 const FIGURES: [(&str, f64, usize); 7] = [
     ("success", 100.0, 1),
     ("certified", 100.0, 1),
-    ("seconds_a_success", 1e3, 3),
+    (SECONDS, 1e3, 3),
     ("tip_length_ratio", 1.0, 3),
     ("tip_smoothness", 1.0, 1),
     ("duration_s", 1.0, 2),
@@ -35,6 +41,9 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             }
         }
         let compared = compare(scale, "fast")?;
+        if scale.full {
+            as_committed(report, scale)?;
+        }
         let attempts = number(&compared, "/candidates")?;
         report.check(
             "attempts a case",
@@ -66,8 +75,65 @@ pub(super) fn compare(scale: Scale, against: &str) -> anyhow::Result<Value> {
     Ok(serde_json::from_str(&text)?)
 }
 
-fn out(scale: Scale) -> PathBuf {
+/// Where the comparison's files are.
+pub(super) fn out(scale: Scale) -> PathBuf {
     folder().join(scale.pick("compare-quick", "compare"))
+}
+
+/// Whether the page in `docs/results` is of this comparison: its table has the same rows, and this run's figures, but for times, are within the
+/// intervals there.
+fn as_committed(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let committed = fs::read_to_string(repository().join(COMMITTED))?;
+    let fresh = fs::read_to_string(out(scale).join("compare.csv"))?;
+    let [committed, fresh] = [&committed, &fresh].map(|text| rows(text));
+    let other: Vec<String> = committed
+        .keys()
+        .chain(fresh.keys())
+        .filter(|row| !(committed.contains_key(*row) && fresh.contains_key(*row)))
+        .map(|row| row.join(", "))
+        .collect();
+    report.none_of(
+        "rows that only one of docs/results and this run has",
+        &other,
+    );
+    let (mut within, mut all) = (0, 0);
+    for (row, then) in committed.iter().filter(|(row, _)| row[2] == "all") {
+        let Some(now) = fresh.get(row) else { continue };
+        for (key, ..) in FIGURES {
+            if key == SECONDS || BY_THE_CLOCK.contains(&row[1]) {
+                continue;
+            }
+            let ends =
+                [format!("{key}_low"), format!("{key}_high")].map(|it| then.get(it.as_str()));
+            let is_within = match (now.get(key), ends) {
+                (Some(now), [Some(low), Some(high)]) => (low..=high).contains(&now),
+                (now, ends) => now.is_none() && ends == [None; 2],
+            };
+            all += 1;
+            within += usize::from(is_within);
+        }
+    }
+    report.all_of(
+        "figures of all cases, but for times, within the intervals in docs/results",
+        within,
+        all,
+    );
+    Ok(())
+}
+
+/// The numbers of each row of a table by the names of its columns; a row by its set, planner and number of balls.
+fn rows(text: &str) -> BTreeMap<[&str; 3], BTreeMap<&str, f64>> {
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    lines.map(|line| row(&names, line)).collect()
+}
+
+fn row<'a>(names: &[&'a str], line: &'a str) -> ([&'a str; 3], BTreeMap<&'a str, f64>) {
+    let cells: Vec<&str> = line.split(',').collect();
+    let numbers = names.iter().zip(&cells);
+    let numbers = numbers.filter_map(|(name, cell)| Some((*name, cell.parse().ok()?)));
+    let [set, planner, balls] = [0, 1, 2].map(|cell| cells.get(cell).copied().unwrap_or("?"));
+    ([set, planner, balls], numbers.collect())
 }
 
 fn show(report: &mut Report, scale: Scale, set: &Value) -> anyhow::Result<()> {
@@ -93,7 +159,7 @@ fn show(report: &mut Report, scale: Scale, set: &Value) -> anyhow::Result<()> {
         let has_successes = number(planner, "/all/success/value")? > 0.0;
         let is_needed = |key: &str| match key {
             "success" | "certified" | "modes" => true,
-            "seconds_a_success" => has_successes,
+            SECONDS => has_successes,
             _ => has_motions,
         };
         let is_broken = scale.full && !(has_motions && has_successes);
@@ -103,7 +169,8 @@ fn show(report: &mut Report, scale: Scale, set: &Value) -> anyhow::Result<()> {
         report.check(
             &format!("{name}: {}", planner["planner"].as_str().unwrap_or("?")),
             format!(
-                "success {success} %, certified {certified} %, {ms} ms a success, tip length ÷ distance {tip}, smoothness {smoothness}, {duration} s, \
+                "success {success} %, certified {certified} %, {ms} ms a success (of the paper's rivals until paths are drawn, of all others the \
+                 whole request, on all cores), tip length ÷ distance {tip}, smoothness {smoothness}, {duration} s, \
                  {modes} modes"
             ),
             "each with its interval, none without success or certified motions in the full form",
@@ -214,43 +281,43 @@ fn fast_beside(report: &mut Report, rival: &str, set: &Value) -> anyhow::Result<
     let fast = planners.iter().find(|it| it["planner"] == "fast");
     let paired = &fast.context("no planner fast")?["paired"];
     let line = |what: &str| format!("{name}: fast beside {rival}: {what}");
-    let percent = |key: &str| -> anyhow::Result<f64> {
-        Ok(100.0 * number(paired, &format!("/{key}/value"))?)
+    let percent = |key: &str| -> anyhow::Result<[f64; 3]> {
+        let ends = ["value", "low", "high"].map(|end| number(paired, &format!("/{key}/{end}")));
+        let [value, low, high] = ends;
+        Ok([value?, low?, high?].map(|it| 100.0 * it))
     };
     let both = number(paired, "/both")?;
+    let solved = both + number(paired, "/only_other")?;
     let cases = number(set, "/cases")?;
-    let [shorter, smoother] = [percent("tip_shorter")?, percent("tip_smoother")?];
-    let ahead = percent("certified_ahead")?;
     let (is_hard, is_drawn) = (name == "hard", rival == "straight-drawn");
-    let mut share = |what: &str, percent: f64, has_bar: bool| {
-        let (what, figure) = (line(what), format!("{percent:.1} %"));
+    let shares = [
+        ("tip shorter", "tip_shorter", is_hard),
+        ("tip smoother", "tip_smoother", is_hard && is_drawn),
+        (
+            "tip shorter and smoother",
+            "tip_shorter_and_smoother",
+            is_hard && is_drawn,
+        ),
+    ];
+    for (what, key, has_bar) in shares {
+        let what = line(&format!(
+            "{what}, of the {solved} of {cases} cases that {rival} solves, {both} of which fast solves"
+        ));
+        let [share, low, high] = percent(key)?.map(|percent| percent * both / solved);
+        let figure = format!("{share:.1} [{low:.1}, {high:.1}] %");
         match has_bar {
-            true => report.check(&what, figure, ">= 90 %", percent >= 90.0),
+            true => report.check(&what, figure, ">= 90 %", share >= 90.0),
             false => report.shown(&what, figure),
         }
-    };
-    share(
-        &format!("tip shorter, of the {both} of {cases} cases that both solve"),
-        shorter,
-        is_hard,
-    );
-    share(
-        &format!("tip smoother, of the {both} of {cases} cases that both solve"),
-        smoother,
-        is_hard && is_drawn,
-    );
-    share(
-        &format!("tip shorter and smoother, of the {both} of {cases} cases that both solve"),
-        percent("tip_shorter_and_smoother")?,
-        is_hard && is_drawn,
-    );
+    }
     if !is_drawn {
         return Ok(());
     }
     let least = if is_hard { 8.0 } else { 0.0 };
+    let [ahead, low, high] = percent("certified_ahead")?;
     report.check(
         &line("certified"),
-        format!("{ahead:+.2} points"),
+        format!("{ahead:+.2} [{low:+.2}, {high:+.2}] points"),
         &format!(">= {least:+} points"),
         ahead >= least,
     );

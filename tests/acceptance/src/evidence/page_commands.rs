@@ -9,6 +9,7 @@ use anyhow::{Context, ensure};
 use serde_json::Value;
 use tests::programs::{program, repository};
 
+use super::planners::BY_THE_CLOCK;
 use crate::report::Report;
 use crate::runs::folder;
 
@@ -19,28 +20,30 @@ const SAME_NUMBERS: [&str; 5] = ["denoising", "solutions", "ablation", "comparis
 /// Times among the numbers of records and of figures.
 const TIMES: [&str; 4] = ["seconds", "drawing_s", "sampling_s", "a_candidate_ms"];
 
-/// A set whose comparison is made again.
-const SET: &str = "hard";
-/// Records of planners that end by the clock: they come out otherwise each time.
-const BY_THE_CLOCK: [&str; 2] = ["hard-rrt-star.jsonl", "hard-bit-star.jsonl"];
+/// A set whose comparison is made again, from nothing to its end: that in which the page's first run was killed.
+const SET: &str = "reference";
 
-/// Carries out the commands of the figures that take a minute at most on a quick page, where pages are made, but in another folder.
+/// Carries out the commands of all figures where pages are made, but in another folder.
 pub(super) fn carry_out(report: &mut Report, page: &str, out: &Path) -> anyhow::Result<()> {
     let place = like_the_repository()?;
-    let mut figures: Vec<&str> = SAME_PICTURES.into_iter().chain(SAME_NUMBERS).collect();
-    figures.sort_unstable();
-    figures.dedup();
-    for id in figures {
-        let figure = find(page, id)?;
+    for figure in figures(page) {
+        let id = id_of(figure).context("no anchor")?;
         let command = of(figure).context("no command")?;
         let made = carried_out(&command, &place, id)?;
         let line = |what: &str| format!("{id}: {what} that the command under it makes again");
+        let again = fs::read_to_string(made.join("index.html"))?;
+        let (pictures, again) = (pictures(figure), pictures(find(&again, id)?));
         if SAME_PICTURES.contains(&id) {
-            let again = fs::read_to_string(made.join("index.html"))?;
-            let (pictures, again) = (pictures(figure), pictures(find(&again, id)?));
             let pairs = pictures.iter().zip(&again);
             let same = pairs.filter(|(one, other)| one == other).count();
             report.all_of(&line("pictures"), same, pictures.len().max(again.len()));
+        } else {
+            report.check(
+                &line("pictures, with other times"),
+                again.len().to_string(),
+                &pictures.len().to_string(),
+                again.len() == pictures.len(),
+            );
         }
         if SAME_NUMBERS.contains(&id) {
             let (same, all) = numbers_again(out, &made)?;
@@ -53,8 +56,10 @@ pub(super) fn carry_out(report: &mut Report, page: &str, out: &Path) -> anyhow::
     let command = of(section).context("no command")?;
     let made = carried_out(&command, &place, SET)?;
     let (same, all) = numbers_again(out, &made)?;
-    let line = "all planners in hard scenes: numbers but times that the command under them makes again, but for those that end by the clock";
-    report.all_of(line, same, all);
+    let line = format!(
+        "all planners in set {SET}: numbers but times that the command under them makes again, but for those that end by the clock"
+    );
+    report.all_of(&line, same, all);
     Ok(())
 }
 
@@ -84,9 +89,13 @@ pub(super) fn of(figure: &str) -> Option<String> {
     Some(marks.into_iter().fold(command.to_owned(), plain))
 }
 
+/// The anchor of a figure.
+fn id_of(figure: &str) -> Option<&str> {
+    figure.strip_prefix("id=\"")?.split('"').next()
+}
+
 fn find<'a>(page: &'a str, id: &str) -> anyhow::Result<&'a str> {
-    let begin = format!("id=\"{id}\"");
-    let found = figures(page).find(|it| it.starts_with(&begin));
+    let found = figures(page).find(|it| id_of(it) == Some(id));
     found.with_context(|| format!("the page has no figure {id}"))
 }
 
@@ -119,7 +128,11 @@ fn numbers_again(page: &Path, made: &Path) -> anyhow::Result<(usize, usize)> {
     for kind in ["cases", "figures"] {
         for file in fs::read_dir(made.join(kind))? {
             let file = file?;
-            if BY_THE_CLOCK.iter().any(|it| file.file_name() == *it) {
+            let name = file.file_name().to_string_lossy().into_owned();
+            if BY_THE_CLOCK
+                .iter()
+                .any(|it| name == format!("{SET}-{it}.jsonl"))
+            {
                 continue;
             }
             let again = numbers_of(&file.path())?;

@@ -22,6 +22,9 @@ const BALL_COUNTS: [&str; 4] = ["0", "1", "2", "4"];
 const ROWS_OF_AN_UPDATE: u64 = 64;
 /// Success against updates, as the page draws it.
 const CURVE: &str = "docs/results/updates.csv";
+/// Cases of each of its points, and by how much a point differs where it is measured again, %.
+const CASES_OF_A_POINT: usize = 250;
+const REPEATED: f64 = 0.5;
 /// Unseen mixed cases of this project's own generator.
 const UNSEEN: Unseen = Unseen {
     seed: 9012,
@@ -54,7 +57,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             cases,
             10,
         )?;
-        curve(report, &model)?;
+        curve(report, scale, &model)?;
         let rows = model.updates * model.rows_of_an_update()?;
         report.check(
             "updates of the committed weights",
@@ -71,8 +74,8 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
-/// The curve on the page: it ends with the committed weights, after as many updates as are asked for.
-fn curve(report: &mut Report, model: &Model) -> anyhow::Result<()> {
+/// The curve on the page: it ends with the committed weights, after as many updates as are asked for, at the success that they have.
+fn curve(report: &mut Report, scale: Scale, model: &Model) -> anyhow::Result<()> {
     let text = fs::read_to_string(repository().join(CURVE))?;
     let rows = text.lines().filter(|line| !line.starts_with(['#', 'u']));
     let point = |row: &str| -> anyhow::Result<(u64, f64)> {
@@ -81,7 +84,7 @@ fn curve(report: &mut Report, model: &Model) -> anyhow::Result<()> {
         Ok((next()?.parse()?, next()?.parse()?))
     };
     let points: Vec<(u64, f64)> = rows.map(point).collect::<Result<_, _>>()?;
-    let last = points.last().map_or(0, |last| last.0);
+    let (last, told) = points.last().copied().unwrap_or_default();
     let rises = points.is_sorted_by(|a, b| a.0 < b.0);
     let is_percent = |success: f64| success > 0.0 && success <= 100.0;
     let are_percent = points.iter().all(|(_, success)| is_percent(*success));
@@ -96,6 +99,16 @@ fn curve(report: &mut Report, model: &Model) -> anyhow::Result<()> {
         ),
         ">= 200000, the committed weights', in order, 5 points at least",
         last >= 200_000 && last == model.updates && rises && are_percent && points.len() >= 5,
+    );
+    let cases = MIXED.make(CASES_OF_A_POINT)?;
+    let evaluation = Evaluation::of("curve", &cases, "diffusion-post", CASES_OF_A_POINT);
+    let result = evaluation.model(model).run(report, scale)?;
+    let success = 100.0 * number(&result, "/sampled/success")?;
+    report.check(
+        &format!("the curve's last point, measured again on {CASES_OF_A_POINT} cases × 10"),
+        format!("{success:.1} %"),
+        &format!("{told} ± {REPEATED} %"),
+        (success - told).abs() <= REPEATED,
     );
     Ok(())
 }

@@ -16,6 +16,9 @@ const OTHERS: [&str; 10] = [
     "bit-star",
 ];
 
+/// Planners that end by the clock: another run makes other motions.
+pub(super) const BY_THE_CLOCK: [&str; 2] = ["rrt-star", "bit-star"];
+
 /// Every planner that a comparison has.
 pub(super) fn planners() -> impl Iterator<Item = &'static str> {
     fast_cases::PLANNERS.into_iter().chain(OTHERS)

@@ -1,6 +1,7 @@
 //! Other programs joined to the processes: by the wire alone, in other languages.
 
 mod client_kills;
+mod ended_followers;
 mod examples;
 mod guides;
 mod languages;
@@ -40,6 +41,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
 
 fn of_language(examples: &Examples, report: &mut Report, scale: Scale) {
     examples.run(report);
+    ended_followers::run(examples, report);
     other_robots::run(examples, report);
     other_services::run(examples, report);
     client_kills::run(examples, report, scale);
