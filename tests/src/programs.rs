@@ -16,6 +16,8 @@ const PROGRAMS: [(&str, &str); 5] = [
     ("pcc", "pcc-cli"),
 ];
 const SOURCES: [&str; 4] = ["shared-types", "planner-daemon", "controller", "crates"];
+/// Folders in these with nothing that a program is built from.
+const NO_SOURCES: [&str; 2] = ["tests", "node_modules"];
 
 /// The repository's root folder.
 #[must_use]
@@ -60,12 +62,14 @@ fn is_old(program: &Path) -> bool {
     !matches!((built, newest), (Some(built), Some(newest)) if built >= newest)
 }
 
-/// When the newest source of a program was changed, if none is missing: of the files that Cargo notes beside what it was asked for. Beside a
+/// When the newest source of a program was changed: of the files that Cargo notes beside what it was asked for, if none is missing. Beside a
 /// program that was built for tests it notes none, and every source of the programs counts.
 fn newest_source(program: &Path) -> Option<SystemTime> {
     let Ok(noted) = fs::read_to_string(program.with_extension("d")) else {
         let folders = SOURCES.iter().map(|folder| repository().join(folder));
-        return folders.filter_map(|folder| newest_rust_file(&folder)).max();
+        return folders
+            .filter_map(|folder| newest_source_file(&folder))
+            .max();
     };
     let sources = noted.split_once(": ").map_or("", |(_, sources)| sources);
     // A space in a path is noted with a backslash before it.
@@ -96,13 +100,15 @@ fn modified(file: &Path) -> Option<SystemTime> {
     fs::metadata(file).ok()?.modified().ok()
 }
 
-fn newest_rust_file(folder: &Path) -> Option<SystemTime> {
+fn newest_source_file(folder: &Path) -> Option<SystemTime> {
     let entries = fs::read_dir(folder).ok()?.filter_map(Result::ok);
     let time = |entry: fs::DirEntry| {
         let path = entry.path();
         match path.extension().and_then(|extension| extension.to_str()) {
-            Some("rs") => modified(&path),
-            _ if path.is_dir() && entry.file_name() != "tests" => newest_rust_file(&path),
+            Some("rs" | "toml" | "html" | "css" | "js") => modified(&path),
+            _ if path.is_dir() && !NO_SOURCES.iter().any(|it| entry.file_name() == *it) => {
+                newest_source_file(&path)
+            }
             _ => None,
         }
     };

@@ -230,7 +230,7 @@ fn least_stop_s([v, a]: [f64; 2], [most_a, most_j]: [f64; 2]) -> f64 {
     (a + 2.0 * most_a) / most_j + held_s
 }
 
-/// A random time up to `longest`.
+/// A random time between two.
 pub fn random_pause(shortest: Duration, longest: Duration, random: &mut Pcg64) -> Duration {
     shortest + (longest - shortest).mul_f64(random.random_range(0.0..1.0))
 }
@@ -239,9 +239,8 @@ pub fn random_pause(shortest: Duration, longest: Duration, random: &mut Pcg64) -
 mod least_stops {
     use super::least_stop_s;
 
-    /// Against small steps of jerk that end at rest.
     #[test]
-    fn a_stop_of_the_least_time_ends_at_rest_and_is_known_in_simple_cases() {
+    fn a_stop_of_the_least_time_is_known_in_simple_cases() {
         // From an acceleration alone that is just braked away.
         assert!((least_stop_s([-0.5, 1.0], [2.0, 1.0]) - 1.0).abs() < 1e-12);
         // From a velocity alone: two ramps, and a time at the limit between them.

@@ -25,8 +25,8 @@ const UNIT_M: f64 = 1e-3;
 /// The shortest stop.
 #[derive(Clone, Copy, Debug)]
 pub struct ShortestStop {
-    /// The least and the largest duration that it may have, s: the largest one is that of a stop within the limits, the least one leaves out
-    /// what the program's steps may have added.
+    /// The least and the largest duration that it may have, s: the largest one is that of a stop within the limits where the solver solves, the least
+    /// one leaves out what the program's steps may have added.
     pub between_s: [f64; 2],
     /// From its begin to where it rests, rad; none where the solver does not say.
     pub displacement_rad: Option<Configuration>,
@@ -54,7 +54,7 @@ pub fn shortest_stop(
             false => least_s = middle_s,
         }
     }
-    let least_s = (most_s / (1.0 + EXCESS_OF_STEPS)).max(between_s[0]);
+    let least_s = (least_s / (1.0 + EXCESS_OF_STEPS)).max(between_s[0]);
     ShortestStop {
         between_s: [least_s, most_s],
         displacement_rad: nearest_rest(limits, rows, rates, most_s, other_displacement_rad),

@@ -1,5 +1,6 @@
 //! The controller in a program that has a loop and motors of its own: everything but the set-points' way to the motors.
 
+use std::io;
 use std::sync::{
     Arc,
     atomic::{AtomicBool, Ordering},
@@ -14,6 +15,7 @@ use shared_types::{
 };
 
 use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
+use signal_hook::flag;
 
 use super::{
     config::ControllerConfig,
@@ -35,6 +37,8 @@ pub struct Follower {
     motors: Motors,
     deadlines: PeriodicDeadlines,
     shutdown: Arc<AtomicBool>,
+    /// It was dropped: signals end the process again.
+    is_gone: Arc<AtomicBool>,
     services: LoopServices,
 }
 
@@ -83,7 +87,8 @@ impl Follower {
     ) -> Result<Self, IpcError> {
         let (config, signals) = (Arc::new(config), Signals::default());
         let shutdown = Arc::clone(&signals.shutdown);
-        set_at(SIGUSR1, &signals.stop)?;
+        flag::register(SIGUSR1, Arc::clone(&signals.stop))
+            .map_err(|error| no_handler("SIGUSR1", &error))?;
         let (services, link) = LoopServices::start(&config, options, signals)?;
         robot_driver::claim_shared_memory(options)?;
         let period = Duration::from_nanos(config.executive.period_ns.unsigned_abs());
@@ -97,6 +102,7 @@ impl Follower {
             },
             deadlines: PeriodicDeadlines::from_now(config.executive.period_ns),
             shutdown,
+            is_gone: Arc::default(),
             services,
         })
     }
@@ -131,30 +137,33 @@ impl Follower {
         self.shutdown.store(true, Ordering::Relaxed);
     }
 
-    /// Has Ctrl-C and SIGTERM do what [`Self::shut_down`] does, in place of ending the process in motion.
+    /// Has Ctrl-C and SIGTERM do what [`Self::shut_down`] does, in place of ending the process in motion. Once it was dropped they end the process.
     ///
     /// # Errors
     /// [`IpcError::Failed`] where the system refuses a handler.
     pub fn shut_down_at_signals(&self) -> Result<(), IpcError> {
-        [SIGINT, SIGTERM]
-            .into_iter()
-            .try_for_each(|signal| set_at(signal, &self.shutdown))
+        for (name, signal) in [("SIGINT", SIGINT), ("SIGTERM", SIGTERM)] {
+            let [is_gone, shutdown] = [&self.is_gone, &self.shutdown].map(Arc::clone);
+            flag::register_conditional_default(signal, is_gone)
+                .and_then(|_| flag::register(signal, shutdown))
+                .map_err(|error| no_handler(name, &error))?;
+        }
+        Ok(())
     }
 }
 
-/// Has a signal set a flag.
-fn set_at(signal: i32, flag: &Arc<AtomicBool>) -> Result<(), IpcError> {
-    let registered = signal_hook::flag::register(signal, Arc::clone(flag));
-    registered.map(drop).map_err(|error| IpcError::Failed {
+fn no_handler(signal: &str, error: &io::Error) -> IpcError {
+    IpcError::Failed {
         service: "controller".to_owned(),
         what: "a signal's handler",
-        reason: error.to_string(),
-    })
+        reason: format!("{signal}: {error}"),
+    }
 }
 
 impl Drop for Follower {
     fn drop(&mut self) {
         let ended = &self.services.shared().loop_has_ended;
         ended.store(true, Ordering::Release);
+        self.is_gone.store(true, Ordering::Relaxed);
     }
 }

@@ -1,4 +1,4 @@
-//! Motions slowed down or stopped along their own path.
+//! Motions slowed down or stopped along their own path, and stops from any state.
 
 pub(crate) mod longest_stop;
 pub(crate) mod rate_law;

@@ -22,7 +22,7 @@ const LONGEST_WAIT_OF_GOALS: Duration = Duration::from_millis(600);
 /// Longest wait of other requests until the robot can be left.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
 /// Times that a request is planned whose plan comes too late for its switch or for the live scene.
-const ATTEMPTS: u32 = 8;
+pub(super) const ATTEMPTS: u32 = 8;
 
 /// A request that waits for its turn.
 pub(super) struct Queued {
@@ -136,7 +136,7 @@ impl Attempt {
     pub(super) fn lead(self, usual: Duration) -> Duration {
         match self.number {
             1 => usual,
-            _ => usual.max(lead_of_the_same_work(self.took_before)),
+            _ => lead_of_the_same_work(usual, self.took_before),
         }
     }
 }

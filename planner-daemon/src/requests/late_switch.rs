@@ -22,7 +22,7 @@ struct Chosen {
 pub(super) fn late_switch(
     robot: Shared<RobotMotion>,
     first: Switch,
-    leads: [(Work, Duration); 6],
+    leads: [(Work, Duration); Work::FROM_A_LATE_SWITCH.len()],
     not_before_mono_ns: Option<i64>,
 ) -> LateSwitch {
     let last = Mutex::new(Chosen {
@@ -43,7 +43,7 @@ pub(super) fn late_switch(
         let (_, usual) = leads.into_iter().find(|(of, _)| *of == work)?;
         let lead = match last.work {
             Some((last_work, chosen)) if last_work == work => {
-                usual.max(lead_of_the_same_work(begun - chosen))
+                lead_of_the_same_work(usual, begun - chosen)
             }
             _ => usual,
         };

@@ -184,9 +184,9 @@ impl LeadTimes {
     }
 }
 
-/// How far ahead a motion is to begin for which work that took so long is done once more.
-pub(super) fn lead_of_the_same_work(took: Duration) -> Duration {
-    took + TO_THE_LOOP
+/// How far ahead a motion is to begin, usually by `usual`, for which work that took so long is done once more.
+pub(super) fn lead_of_the_same_work(usual: Duration, took: Duration) -> Duration {
+    usual.max(took + TO_THE_LOOP)
 }
 
 impl Times {

@@ -1,4 +1,4 @@
-//! The running plan's motion: published before the plan is whole or after, and once more where it came too late.
+//! The running plan's motion: published before the plan is whole or after, and again where it came too late.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;

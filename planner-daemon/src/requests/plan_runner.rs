@@ -17,6 +17,7 @@ use planning::{
 };
 
 use super::idle_warm_up::IdleWarmUp;
+use super::in_flight::ATTEMPTS;
 use super::planned::{Planned, guarded};
 use super::planner_kind::PlannerKind;
 use super::stored_plan::StoredPlan;
@@ -118,13 +119,15 @@ impl OutputSender {
     }
 }
 
+/// So many at most, so that a worker never waits: its motion is told once an attempt, motions begin elsewhere once more than that, and there are its
+/// early answer and its end.
+const OUTPUTS_OF_A_JOB: usize = 2 * ATTEMPTS as usize + 3;
+
 impl PlanRunner {
     /// # Errors
     /// What the system says where there can be no more files.
     pub(crate) fn new(planner: Arc<Planner>, kind: PlannerKind) -> io::Result<Self> {
-        // Room for all outputs of a job (its motion is told eight times at most, and motions begin elsewhere nine times), so that a worker never
-        // waits.
-        let (outgoing, outputs) = sync_channel(19);
+        let (outgoing, outputs) = sync_channel(OUTPUTS_OF_A_JOB);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
             idle: IdleWarmUp::new(Arc::clone(&planner)),

@@ -91,9 +91,14 @@ pub(crate) fn memory_mb(pid: u32, field: &str) -> anyhow::Result<f64> {
     Ok(kilobytes * 1024e-6)
 }
 
-/// This thread on one processor; dropped, it may run where it could before.
-pub(crate) struct Pinned {
+/// This thread, and what it starts, on some processors; dropped, it may run where it could before.
+pub(crate) struct Confined {
     before: CpuSet,
+}
+
+/// This thread on one processor.
+pub(crate) struct Pinned {
+    _confined: Confined,
     /// Its number.
     pub(crate) processor: usize,
 }
@@ -115,15 +120,25 @@ impl Pinned {
 
     /// Binds this thread to a processor.
     pub(crate) fn to(processor: usize) -> anyhow::Result<Self> {
-        let before = sched_getaffinity(None)?;
-        let mut set = CpuSet::new();
-        set.set(processor);
-        sched_setaffinity(None, &set)?;
-        Ok(Self { before, processor })
+        Ok(Self {
+            _confined: Confined::to(&[processor])?,
+            processor,
+        })
     }
 }
 
-impl Drop for Pinned {
+impl Confined {
+    /// Leaves this thread these processors.
+    pub(crate) fn to(processors: &[usize]) -> anyhow::Result<Self> {
+        let before = sched_getaffinity(None)?;
+        let mut set = CpuSet::new();
+        processors.iter().for_each(|processor| set.set(*processor));
+        sched_setaffinity(None, &set)?;
+        Ok(Self { before })
+    }
+}
+
+impl Drop for Confined {
     fn drop(&mut self) {
         // What was allowed before still is.
         let _ = sched_setaffinity(None, &self.before);

@@ -299,7 +299,7 @@ fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
     };
     let ratio = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |it| format!("{it:.3}"));
     format!(
-        "<li><code>{against}</code> and <code>{}</code>: certified {} points, success {} points, its request takes {} ms more and has {} modes more; of {} cases that both solve (and {} that only the other does), its median motion has \
+        "<li><code>{against}</code> and <code>{}</code>: certified {} points, success {} points, its request takes {} ms more and has {} modes more; of {} cases that both solve (and {} that only it does), its median motion has \
          the shorter tip in {}, the smoother tip in {}, and lasts shorter in {}; the other's tip length ÷ its own is {} in the mean, {} to {}. {}.</li>",
         other.planner,
         points(&paired.certified_ahead),

@@ -50,7 +50,7 @@ pub const STOPPING_KNOTS: usize = 3;
 /// parts of constant jerk. Where velocity and acceleration point the same way, straight ahead.
 ///
 /// It begins with exactly this position, velocity and acceleration, in whatever directions, and has four knots at
-/// most. The slowest tendon brakes as soon as the limits allow, others may brake later; a state that still accelerates becomes faster first, by as
+/// most. The slowest tendon mostly brakes as soon as the limits allow, others may brake later; a state that still accelerates becomes faster first, by as
 /// much as its acceleration takes to turn, whatever the velocity limit says.
 ///
 /// # Errors

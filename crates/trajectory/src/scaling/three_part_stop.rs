@@ -17,13 +17,13 @@ const ALLOWED: f64 = 1e-7;
 const POSITION_ROUNDING_RAD: f64 = 1e-15;
 /// Stops are at least so long, in times in which the acceleration rises to its limit: less is nothing to win, and knots keep apart.
 const SHORTEST_STOP: f64 = 1e-3;
-/// Shares of its stop below which a part of the slowest tendon's is left out, one after the other.
+/// Share of its stop below which a part of the slowest tendon's is left out, in the first and in the second try.
 const SHORT_PARTS: [f64; 2] = [0.02, SHORTEST_PART];
 /// Share of a stop that each part has at least, so that knots keep apart.
 const SHORTEST_PART: f64 = 0.001;
 /// Durations that differ by this part of themselves or less count as equal.
 const RESOLVED: f64 = 5e-7;
-/// Stops are searched that are so many times as long as the other one.
+/// Longest duration tried ÷ that of the averaged stop.
 const LONGEST_TRIED: f64 = 2.0;
 /// Halvings of the interval in which the shortest duration lies.
 const HALVINGS: usize = 14;
@@ -378,9 +378,11 @@ mod tests {
         let (tendons, limits) = (unit_tendons(), unit_limits());
         let rows = TendonRows::of(&tendons);
         let averaged = Trajectory::new(Braking::from(from, &rows, &limits).knots(*from)).unwrap();
+        let of_averaged = limit_use(&averaged, &tendons, &limits).velocity;
         let motion = three_part_stop(&averaged, &rows, &limits).unwrap_or(averaged);
         let most = limit_use(&motion, &tendons, &limits);
         assert!(most.acceleration.max(most.jerk) <= 1.0 + 1e-6, "{most:?}");
+        assert!(most.velocity <= of_averaged.max(1.0) + 1e-6, "{most:?}");
         assert_eq!(motion.knots()[0], *from);
         let excess = motion.duration() / slowest_first(from, &rows, &limits)[0].least_s();
         (motion, excess)

@@ -15,8 +15,9 @@ use crate::report::Report;
 use crate::runs::{Evaluation, number};
 use crate::scale::Scale;
 
-/// Motions of a folder of which damaged copies are judged, and in how many ways each is damaged.
+/// Motions of a folder of which damaged copies are judged.
 const COPIED: f64 = 3.0;
+/// Ways in which each is damaged.
 const DAMAGES: f64 = 6.0;
 
 pub(super) fn run(report: &mut Report, scale: Scale) {

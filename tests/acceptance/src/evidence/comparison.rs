@@ -16,6 +16,8 @@ use crate::scale::Scale;
 const COMMAND: &str = "pcc compare";
 /// Candidates, or attempts, of every case.
 const ATTEMPTS: f64 = 10.0;
+/// Everything that `fast` has, but the network.
+const NULL_ARM: &str = "straight-drawn";
 const SECONDS: &str = "seconds_a_success";
 /// The table of the page that is in the repository.
 const COMMITTED: &str = "docs/results/compare.csv";
@@ -34,7 +36,7 @@ const OTHER: [&str; 2] = ["is of another run", "was made with another recipe"];
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
     report.group("comparison", COMMAND, |report| {
-        for rival in ["straight-drawn", "rrt-smooth"] {
+        for rival in [NULL_ARM, "rrt-smooth"] {
             let compared = compare(scale, rival)?;
             for set in compared["sets"].as_array().context("no sets")? {
                 fast_beside(report, rival, set)?;
@@ -279,65 +281,98 @@ fn fast_beside(report: &mut Report, rival: &str, set: &Value) -> anyhow::Result<
     let name = set["set"].as_str().context("no name")?;
     let planners = set["planners"].as_array().context("no planners")?;
     let fast = planners.iter().find(|it| it["planner"] == "fast");
-    let paired = &fast.context("no planner fast")?["paired"];
-    let line = |what: &str| format!("{name}: fast beside {rival}: {what}");
-    let percent = |key: &str| -> anyhow::Result<[f64; 3]> {
-        let ends = ["value", "low", "high"].map(|end| number(paired, &format!("/{key}/{end}")));
-        let [value, low, high] = ends;
-        Ok([value?, low?, high?].map(|it| 100.0 * it))
+    let beside = Beside {
+        name,
+        rival,
+        cases: number(set, "/cases")?,
+        paired: &fast.context("no planner fast")?["paired"],
     };
-    let both = number(paired, "/both")?;
-    let solved = both + number(paired, "/only_other")?;
-    let cases = number(set, "/cases")?;
-    let (is_hard, is_drawn) = (name == "hard", rival == "straight-drawn");
-    let shares = [
-        ("tip shorter", "tip_shorter", is_hard),
-        ("tip smoother", "tip_smoother", is_hard && is_drawn),
-        (
-            "tip shorter and smoother",
-            "tip_shorter_and_smoother",
-            is_hard && is_drawn,
-        ),
-    ];
-    for (what, key, has_bar) in shares {
-        let what = line(&format!(
-            "{what}, of the {solved} of {cases} cases that {rival} solves, {both} of which fast solves"
-        ));
-        let [share, low, high] = percent(key)?.map(|percent| percent * both / solved);
-        let figure = format!("{share:.1} [{low:.1}, {high:.1}] %");
-        match has_bar {
-            true => report.check(&what, figure, ">= 90 %", share >= 90.0),
-            false => report.shown(&what, figure),
+    beside.tips(report)?;
+    if rival == NULL_ARM {
+        beside.certified(report)?;
+        if name != "hard" {
+            beside.lengths(report)?;
         }
     }
-    if !is_drawn {
-        return Ok(());
-    }
-    let least = if is_hard { 8.0 } else { 0.0 };
-    let [ahead, low, high] = percent("certified_ahead")?;
-    report.check(
-        &line("certified"),
-        format!("{ahead:+.2} [{low:+.2}, {high:+.2}] points"),
-        &format!(">= {least:+} points"),
-        ahead >= least,
-    );
-    if !is_hard {
-        let longest = number(paired, "/longest_tip")?;
-        report.at_most(
-            &line(&format!(
-                "tip length ÷ the other's, largest of the {both} of {cases} cases that both solve"
-            )),
-            longest,
-            1.01,
-        );
-        let mean = number(paired, "/tip_length_ratio/value")?;
-        report.at_most(
-            &line(&format!(
-                "tip length ÷ the other's, mean of the {both} of {cases} cases that both solve"
-            )),
-            mean,
-            1.0,
-        );
-    }
     Ok(())
+}
+
+/// `fast` beside a rival on the cases of a set.
+struct Beside<'a> {
+    name: &'a str,
+    rival: &'a str,
+    cases: f64,
+    paired: &'a Value,
+}
+
+impl Beside<'_> {
+    fn line(&self, what: &str) -> String {
+        let Self { name, rival, .. } = self;
+        format!("{name}: fast beside {rival}: {what}")
+    }
+
+    /// A figure and its interval, in percent.
+    fn percent(&self, key: &str) -> anyhow::Result<[f64; 3]> {
+        let end = |end: &str| number(self.paired, &format!("/{key}/{end}"));
+        Ok([end("value")?, end("low")?, end("high")?].map(|it| 100.0 * it))
+    }
+
+    /// In how many of the cases that the rival solves the tip is shorter, and smoother.
+    fn tips(&self, report: &mut Report) -> anyhow::Result<()> {
+        let (cases, rival) = (self.cases, self.rival);
+        let (is_hard, is_null_arm) = (self.name == "hard", rival == NULL_ARM);
+        let both = number(self.paired, "/both")?;
+        let solved = both + number(self.paired, "/only_other")?;
+        let shares = [
+            ("tip shorter", "tip_shorter", is_hard),
+            ("tip smoother", "tip_smoother", is_hard && is_null_arm),
+            (
+                "tip shorter and smoother",
+                "tip_shorter_and_smoother",
+                is_hard && is_null_arm,
+            ),
+        ];
+        for (what, key, has_bar) in shares {
+            let what = self.line(&format!(
+                "{what}, of the {solved} of {cases} cases that {rival} solves, {both} of which fast solves"
+            ));
+            let [of_both, low, high] = self.percent(key)?;
+            let share = of_both * both / solved;
+            let figure = format!("{share:.1} % (of those {of_both:.1} [{low:.1}, {high:.1}] %)");
+            match has_bar {
+                true => report.check(&what, figure, ">= 90 %", share >= 90.0),
+                false => report.shown(&what, figure),
+            }
+        }
+        Ok(())
+    }
+
+    fn certified(&self, report: &mut Report) -> anyhow::Result<()> {
+        let least = if self.name == "hard" { 8.0 } else { 0.0 };
+        let [ahead, low, high] = self.percent("certified_ahead")?;
+        report.check(
+            &self.line("certified"),
+            format!("{ahead:+.2} [{low:+.2}, {high:+.2}] points"),
+            &format!(">= {least:+} points"),
+            ahead >= least,
+        );
+        Ok(())
+    }
+
+    /// The median tip lengths of the cases that both solve.
+    fn lengths(&self, report: &mut Report) -> anyhow::Result<()> {
+        let both = number(self.paired, "/both")?;
+        let bars = [
+            ("largest", "/longest_tip", 1.01),
+            ("mean", "/tip_length_ratio/value", 1.0),
+        ];
+        for (what, key, bar) in bars {
+            let line = self.line(&format!(
+                "tip length ÷ the other's, {what} of the {both} of {} cases that both solve",
+                self.cases
+            ));
+            report.at_most(&line, number(self.paired, key)?, bar);
+        }
+        Ok(())
+    }
 }

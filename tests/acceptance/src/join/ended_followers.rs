@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use anyhow::Context;
+use shared_types::codes::MotionOutcome;
 use shared_types::message::Cycle;
 use shared_types::valid::Goal;
 use tests::listener::{Heard, Listener};
@@ -15,11 +16,12 @@ use super::examples::{Examples, LIMIT, TIP_M, wait_until_held};
 use crate::report::Report;
 
 /// How far into its motion the follower is told to end, s.
-const BEFORE_S: f64 = 0.8;
+const INTO_MOTION_S: f64 = 0.8;
 /// Ctrl-C, and what a service manager sends.
 const SIGNALS: [(&str, libc::c_int); 2] = [("SIGINT", libc::SIGINT), ("SIGTERM", libc::SIGTERM)];
-/// A set-point faster than this moves, and one slower rests, m/s.
+/// A set-point faster than this moves, m/s.
 const MOVING_M_S: f64 = 0.01;
+/// A set-point slower than this rests, m/s.
 const AT_REST_M_S: f64 = 1e-9;
 /// Rounding of stamps.
 const ALLOWED_USE: f64 = 1.001;
@@ -51,7 +53,7 @@ fn end_in_motion(
     let mut process = examples.start(&stack.world, "follow", &[&file])?;
     wait_until_held(&mut stack).with_context(|| process.log())?;
     let id = stack.begin_motion(Goal::tip(TIP_M))?;
-    stack.wait_for_progress(id, BEFORE_S)?;
+    stack.wait_for_progress(id, INTO_MOTION_S)?;
     process.signal(signal);
     let status = process.wait(LIMIT).with_context(|| process.log())?;
     let rests = wait_for("its last cycle", HEARD_WITHIN, || {
@@ -66,24 +68,26 @@ fn end_in_motion(
     });
     let heard = listener.take();
     let result = heard.results.iter().find(|it| it.trajectory_id == id);
+    let is_stopped = result.is_some_and(|it| it.outcome == MotionOutcome::Stopped.code());
     let result = result.map_or_else(|| "no result".to_owned(), |it| it.reason.to_string());
     let used = acceleration_use(&heard, limit);
     let fastest = heard.cycles.iter().map(speed).fold(0.0, f64::max);
     report.check(
         &examples.line(&format!(
-            "{name} {BEFORE_S} s into a motion: its end, the motion's, and the largest step of velocity ÷ (acceleration limit × time)"
+            "{name} {INTO_MOTION_S} s into a motion: its end, the motion's, and the largest step of velocity ÷ (acceleration limit × time)"
         )),
         format!(
-            "{status}; {result}; {used:.4}, {}",
+            "{status}; {}: {result}; {used:.4}, {}",
+            if is_stopped { "stopped" } else { "not stopped" },
             if rests.is_ok() { "at rest" } else { "in motion" }
         ),
-        &format!("success, at rest, <= {ALLOWED_USE}"),
-        status.success() && rests.is_ok() && fastest > MOVING_M_S && used <= ALLOWED_USE,
+        &format!("success, stopped, <= {ALLOWED_USE}, at rest"),
+        status.success() && is_stopped && rests.is_ok() && fastest > MOVING_M_S && used <= ALLOWED_USE,
     );
     Ok(())
 }
 
-/// Of the fastest tendon, m/s.
+/// The largest speed of a tendon, m/s.
 fn speed(cycle: &Cycle) -> f64 {
     largest(&cycle.setpoint_velocity_m_s)
 }

@@ -104,7 +104,7 @@ pub(super) struct Figures {
     pub(super) left_open_ms: Vec<f64>,
     /// (stop-then-go − joined) ÷ the planner's own stop, by that stop.
     pub(super) won_by_own_stop: Vec<f64>,
-    /// The same beside a robot that stops as soon as it is asked to, where the motion was followed that is left.
+    /// (stop-then-go from the request on − joined from the request on) ÷ the stop of the slowest tendon, where the motion was followed that is left.
     pub(super) won_from_the_request: Vec<f64>,
     /// Arrivals later than the shortest stop by a motion of a plan that its deadline cut short.
     pub(super) later_truncated: usize,

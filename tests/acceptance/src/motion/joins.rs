@@ -164,6 +164,35 @@ fn wins(report: &mut Report, name: &str, figures: &Figures) {
         figures.won_by_own_stop.len(),
         figures.won.len() - figures.won_by_own_stop.len(),
     );
+    beside_other_stops(report, name, figures);
+    let is_known = won.iter().all(|won| won.is_finite());
+    report.check(name, figure, ">= 0.35", is_known && at(0.5) >= 0.35);
+    let name_of = |what: &str| format!("{name}: {what}");
+    report.at_most(
+        &name_of("replans without a reference"),
+        figures.without_reference as f64,
+        0.0,
+    );
+    let worst = won.first().copied().unwrap_or(f64::NAN);
+    let truncated = figures.later_truncated;
+    let by_own: Vec<f64> = figures
+        .won_by_own_stop
+        .iter()
+        .copied()
+        .filter(is_later)
+        .collect();
+    let figure = format!(
+        "{later} of {}, the worst {worst:.3}; {truncated} of them of plans that their deadline cut short; by the planner's own stop {}, \
+         the worst {:.5}",
+        won.len(),
+        by_own.len(),
+        by_own.iter().copied().fold(0.0, f64::min)
+    );
+    report.check(&format!("{name}: arrivals later"), figure, "0", later == 0);
+}
+
+/// Beside stops that are solved for, and a robot that brakes at once.
+fn beside_other_stops(report: &mut Report, name: &str, figures: &Figures) {
     let solved = figures.stops_solved.iter().take(20).cloned();
     report.shown(
         &format!("{name}: stops solved for (slowest tendon, shortest, the planner's own)"),
@@ -192,30 +221,6 @@ fn wins(report: &mut Report, name: &str, figures: &Figures) {
             from_the_request.len()
         ),
     );
-    let is_known = won.iter().all(|won| won.is_finite());
-    report.check(name, figure, ">= 0.35", is_known && at(0.5) >= 0.35);
-    let name_of = |what: &str| format!("{name}: {what}");
-    report.at_most(
-        &name_of("replans without a reference"),
-        figures.without_reference as f64,
-        0.0,
-    );
-    let worst = won.first().copied().unwrap_or(f64::NAN);
-    let truncated = figures.later_truncated;
-    let by_own: Vec<f64> = figures
-        .won_by_own_stop
-        .iter()
-        .copied()
-        .filter(is_later)
-        .collect();
-    let figure = format!(
-        "{later} of {}, the worst {worst:.3}; {truncated} of them of plans that their deadline cut short; by the planner's own stop {}, \
-         the worst {:.5}",
-        won.len(),
-        by_own.len(),
-        by_own.iter().copied().fold(0.0, f64::min)
-    );
-    report.check(&format!("{name}: arrivals later"), figure, "0", later == 0);
 }
 
 fn bending_limit_rad() -> f64 {
