@@ -1,28 +1,28 @@
 //! What would have happened had the robot stopped at once, and stood still.
 
-use pcc_model::Robot;
 use shared_types::codes::LoopState;
 use shared_types::message::Cycle;
 use tests::brute_force::{Ball, Body, Tendons};
-use tests::knots::state_at;
+use tests::knots::{Knot, state_at};
 use tests::listener::Heard;
-use trajectory::{BRAKING_SHARE, Playback, RateLaw};
 
 use super::figures::motion_of;
-use super::paths::path;
 
 /// Time from the publication of balls until the stop begins: a period of supervision, nanoseconds.
 const SUPERVISION_PERIOD_NS: i64 = 1_000_000;
+/// Share of the acceleration limit with which a robot brakes along its path: the controller's.
+const BRAKING_SHARE: f64 = 0.998;
 /// Length of a cycle of the loop, s.
 const CYCLE_S: f64 = 1e-3;
 /// Time between two looks at a robot that stands, nanoseconds.
 const LOOK_NS: i64 = 1_000_000;
 
 /// Whether a robot that begins to stop along its path one period of supervision after balls were published, and then stands still, stays
-/// clear of them until they are gone. Both times in nanoseconds of `CLOCK_MONOTONIC`; how it brakes is the controller's own law.
+/// clear of them until they are gone. Both times in nanoseconds of `CLOCK_MONOTONIC`. It brakes as hard as its tendons' limit of
+/// acceleration (m/s²) allows.
 pub(super) fn stays_clear_after_a_stop(
     body: &Body,
-    robot: &Robot,
+    acceleration_limit: f64,
     heard: &Heard,
     balls: &[Ball],
     [published_ns, gone_ns]: [i64; 2],
@@ -37,11 +37,11 @@ pub(super) fn stays_clear_after_a_stop(
     };
     let from_ns = cycle.stamp_mono_ns;
     let stop: Vec<(i64, [f64; 6])> = if cycle.state == LoopState::Executing.code() {
-        let stop = stop_along(
-            robot,
-            heard,
-            cycle.trajectory_id,
-            &cycle.commanded_configuration_rad,
+        let from = &cycle.commanded_configuration_rad;
+        let motion = motion_of(&heard.motions, cycle.trajectory_id);
+        let stop = motion.map_or_else(
+            || vec![*from],
+            |motion| stop_along(body, acceleration_limit, &motion.knots, from),
         );
         let stamps = (from_ns..).step_by((CYCLE_S * 1e9) as usize);
         stamps.zip(stop).collect()
@@ -73,38 +73,69 @@ fn until_rest(cycles: &[Cycle]) -> Vec<(i64, [f64; 6])> {
         .collect()
 }
 
-/// The configurations, cycle by cycle, of a stop along the motion of this id from where it commands this configuration.
-fn stop_along(robot: &Robot, heard: &Heard, id: u32, from: &[f64; 6]) -> Vec<[f64; 6]> {
-    let motion = motion_of(&heard.motions, id);
-    let Some((motion, (_, path))) = motion.and_then(|motion| Some((motion, path(motion)?))) else {
-        return vec![*from];
-    };
-    let duration_s = path.duration();
-    let law = RateLaw::new(
-        &robot.tendons,
-        robot.tendon_limits.acceleration * BRAKING_SHARE,
-    );
-    let at = |time_s: f64| state_at(&motion.knots, time_s).map_or(*from, |[position, ..]| position);
+/// The configurations, cycle by cycle, of a stop along a motion from where it commands this configuration.
+fn stop_along(
+    body: &Body,
+    acceleration_limit: f64,
+    knots: &[Knot],
+    from: &[f64; 6],
+) -> Vec<[f64; 6]> {
+    let duration_s = knots.last().map_or(0.0, |last| last.time_s);
+    let at = |time_s: f64| state_at(knots, time_s).map_or(*from, |[position, ..]| position);
     let off = |time_s: f64| {
         let place = at(time_s);
         let squares = place.iter().zip(from).map(|(a, b)| (a - b) * (a - b));
         squares.sum::<f64>()
     };
     let times = (0..=(duration_s / CYCLE_S) as usize).map(|step| step as f64 * CYCLE_S);
-    let mut time = times
+    let mut time_s = times
         .min_by(|a, b| off(*a).total_cmp(&off(*b)))
         .unwrap_or(0.0);
-    let (mut rate, mut hint, mut places) = (1.0, 0, Vec::new());
-    while rate > 0.0 && time < duration_s {
-        places.push(at(time));
-        let playback = Playback {
-            knots: path.knots(),
-            time,
-            rate,
-        };
-        let step = law.step(&playback, &mut hint, 0.0, CYCLE_S);
-        (time, rate) = (time + step.advance, step.rate);
+    let (mut rate, mut places) = (1.0, Vec::new());
+    while rate > 0.0
+        && let Some([position, velocity, acceleration]) = state_at(knots, time_s)
+    {
+        places.push(position);
+        let of_tendons = [velocity, acceleration].map(|it| body.tendons(&it));
+        let limit = acceleration_limit * BRAKING_SHARE;
+        let slower = (rate + CYCLE_S * strongest_braking(of_tendons, limit, rate)).max(0.0);
+        time_s += CYCLE_S * 0.5 * (rate + slower);
+        rate = slower;
     }
-    places.push(at(time.min(duration_s)));
+    places.push(at(time_s.min(duration_s)));
     places
+}
+
+/// The change of the rate, 1/s, with which a motion becomes slower soonest while all tendons keep the limit: at a rate r one of velocity v and
+/// acceleration a has the acceleration a r² + v dr/dt.
+fn strongest_braking([velocity, acceleration]: [Tendons; 2], limit: f64, rate: f64) -> f64 {
+    let of_tendon = |(velocity, acceleration): (&f64, &f64)| {
+        let goes_on = acceleration * rate * rate;
+        let ends = [-limit, limit].map(|end| (end - goes_on) / velocity);
+        ends[0].min(ends[1])
+    };
+    let changes = velocity.iter().zip(&acceleration).map(of_tendon);
+    changes.fold(f64::NEG_INFINITY, f64::max).min(0.0)
+}
+
+#[cfg(test)]
+mod unit {
+    use super::*;
+
+    #[test]
+    fn the_slowest_tendon_decides_how_hard_a_robot_brakes() {
+        // The first tendon turns at 1 m/s and must not brake by more than 2 m/s², of which its own deceleration takes a half at full rate.
+        let mut velocity = [0.0; 9];
+        let mut acceleration = [0.0; 9];
+        (velocity[0], acceleration[0]) = (1.0, -1.0);
+        velocity[1] = 0.1;
+        let change = |rate| strongest_braking([velocity, acceleration], 2.0, rate);
+        assert!((change(1.0) + 1.0).abs() < 1e-12);
+        assert!((change(0.5) + 1.75).abs() < 1e-12);
+        // It rests, and may be stopped at once.
+        assert_eq!(
+            strongest_braking([[0.0; 9]; 2], 2.0, 1.0),
+            f64::NEG_INFINITY
+        );
+    }
 }

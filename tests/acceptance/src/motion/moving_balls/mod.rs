@@ -183,7 +183,7 @@ fn one(
                 stop_is_clear: seen_ns < ended_ns
                     && stays_clear_after_a_stop(
                         body,
-                        &stack.world.robot,
+                        stack.world.robot.tendon_limits.acceleration,
                         &heard,
                         ball,
                         [seen_ns, gone_ns],
