@@ -144,7 +144,7 @@ def damaged(robot, motion, start, target, centres, radii):
     orders = np.arange(3)[:, None]
     elsewhere, bent = knots.copy(), knots / SLOWER**orders
     elsewhere[0, 0, 0] += 1e-3
-    bent[len(bent) // 2, 0, 0] += robot.limit
+    bent[len(bent) // 2, 0, 0] += np.copysign(1.1 * robot.limit, bent[len(bent) // 2, 0, 0])
     tip = backbone(robot, knots[len(knots) // 2, 0][None])[0, -1:]
     case = start, target, centres, radii
 
