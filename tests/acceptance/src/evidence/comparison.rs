@@ -337,7 +337,8 @@ impl Beside<'_> {
                 "{what}, of the {solved} of {cases} cases that {rival} solves, {both} of which fast solves"
             ));
             let [of_both, low, high] = self.percent(key)?;
-            let share = of_both * both / solved;
+            let ahead = (0.01 * of_both * both).round();
+            let share = 100.0 * ahead / solved;
             let figure = format!("{share:.1} % (of those {of_both:.1} [{low:.1}, {high:.1}] %)");
             match has_bar {
                 true => report.check(&what, figure, ">= 90 %", share >= 90.0),
