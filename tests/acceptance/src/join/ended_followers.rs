@@ -6,6 +6,7 @@ use anyhow::Context;
 use shared_types::codes::MotionOutcome;
 use shared_types::message::Cycle;
 use shared_types::valid::Goal;
+use tests::judge::ALLOWED_USE;
 use tests::listener::{Heard, Listener};
 use tests::motion::{largest, raise};
 use tests::process::wait_for;
@@ -23,8 +24,6 @@ const SIGNALS: [(&str, libc::c_int); 2] = [("SIGINT", libc::SIGINT), ("SIGTERM",
 const MOVING_M_S: f64 = 0.01;
 /// A set-point slower than this rests, m/s.
 const AT_REST_M_S: f64 = 1e-9;
-/// Rounding of stamps.
-const ALLOWED_USE: f64 = 1.001;
 /// How long the last cycles take to be heard.
 const HEARD_WITHIN: Duration = Duration::from_millis(500);
 
