@@ -154,7 +154,7 @@ pub(crate) fn no_way_out() -> PlanRequest {
     }
     PlanRequest {
         sampler: Sampler::RrtConnect,
-        candidate_count: 16,
+        candidate_count: 64,
         deadline: Some(Duration::from_millis(400)),
         // A ball of an earlier round at the straight robot would be answered at once.
         ignores_live_scene: true,

@@ -19,3 +19,10 @@ pub struct ExecutiveSettings {
     /// Tracking error allowed until a trajectory brings its own tolerance, and again after a reset, rad.
     pub hold_tolerance_rad: f64,
 }
+
+impl ExecutiveSettings {
+    /// How far a robot's body may be from its reference where the loop attaches to it, rad.
+    pub(crate) fn off_reference_rad(&self) -> f64 {
+        0.5 * self.hold_tolerance_rad
+    }
+}

@@ -6,14 +6,14 @@ use shared_types::codes::{LoopFault, LoopState, MotorState, Waiting};
 use super::{CONSISTENCY_M, CycleInput, Executive, RobotSample, RobotUpdate, StopOrigin};
 
 /// A robot state may be stamped this far in the future, ns: robot and loop read the same clock.
-const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
+pub(crate) const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
 
 /// Cycle time without a round of the guard, which makes one each millisecond, after which the motion is stopped, ns: longer than
 /// ordinary programs keep the guard from a processor.
 const GUARD_TIMEOUT_NS: i64 = 100_000_000;
 
 /// How long a robot may take to follow the first set-points, ns.
-const ROBOT_REPLY_TIMEOUT_NS: i64 = 200_000_000;
+pub(crate) const ROBOT_REPLY_TIMEOUT_NS: i64 = 200_000_000;
 
 impl Executive {
     /// Takes the robot's state, or counts its silence.
@@ -191,7 +191,7 @@ impl Executive {
         let reference = self
             .map
             .configuration(&robot.accepted_m[..self.map.count()]);
-        (robot.measured_rad - reference).norm() > 0.5 * self.settings.hold_tolerance_rad
+        (robot.measured_rad - reference).norm() > self.settings.off_reference_rad()
     }
 
     /// Distance of the robot's accepted set-point from the tendon lengths of every configuration, m.

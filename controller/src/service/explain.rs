@@ -4,7 +4,9 @@ use shared_types::codes::{CommandRefusal, LoopFault, LoopState, Waiting};
 use shared_types::valid::Command;
 
 use super::link::Outcome;
-use crate::executive::{CONSISTENCY_M, CycleOutput, ExecutiveSettings};
+use crate::executive::{
+    CONSISTENCY_M, CycleOutput, ExecutiveSettings, ROBOT_REPLY_TIMEOUT_NS, STAMP_ALLOWANCE_NS,
+};
 
 /// What became of a command.
 pub(super) fn outcome(command: Command, outcome: &Outcome) -> String {
@@ -68,26 +70,49 @@ pub(super) fn fault(output: &CycleOutput, settings: &ExecutiveSettings) -> Strin
     }
 }
 
-/// What the loop waits for, where it does not hold the robot; `own_robot` is the hash of the controller's robot file.
-pub(super) fn waiting(output: &CycleOutput, own_robot: u64) -> String {
-    match output.waiting {
+/// What the loop waits for, where it does not hold the robot, and what is allowed; `own_robot` is the hash of the controller's robot file.
+pub(super) fn waiting(
+    output: &CycleOutput,
+    settings: &ExecutiveSettings,
+    own_robot: u64,
+) -> String {
+    let lost_ms = milliseconds(settings.robot_lost_ns);
+    let reason = output.waiting;
+    let why = match reason {
+        Waiting::None | Waiting::RobotFault => return reason.to_string(),
         Waiting::OtherRobot => format!(
-            "another robot: {:016x}, this controller's is {own_robot:016x}",
+            "{:016x}, this controller's is {own_robot:016x}",
             output.robot_hash
         ),
         Waiting::OffTendonMap => format!(
-            "the accepted set-point is {:.1e} m off the tendon lengths of every configuration, {CONSISTENCY_M:.0e} m are allowed",
+            "it is {:.1e} m off the tendon lengths of the nearest one, {CONSISTENCY_M:.0e} m are allowed",
             output.accepted_residual_m
         ),
-        reason @ (Waiting::InvalidRobotState
-        | Waiting::RepeatedRobotState
-        | Waiting::OldRobotState
-        | Waiting::FutureRobotState) => {
-            let refused = output.refused_robot_states;
-            format!("{reason}: {refused} robot states refused so far")
+        Waiting::NoRobotState => format!("{lost_ms} ms without one are allowed"),
+        Waiting::InvalidRobotState => refused(output, "the codes of the wire and finite numbers"),
+        Waiting::RepeatedRobotState => refused(output, "stamps later than the one before"),
+        Waiting::OldRobotState => refused(output, &format!("states up to {lost_ms} ms old")),
+        Waiting::FutureRobotState => {
+            let ahead_ms = milliseconds(STAMP_ALLOWANCE_NS);
+            refused(output, &format!("stamps up to {ahead_ms} ms ahead"))
         }
-        reason => reason.to_string(),
-    }
+        Waiting::RobotMoves => "an accepted set-point without velocity is allowed".to_owned(),
+        Waiting::RobotFollowsAnother => "a robot that follows none is allowed".to_owned(),
+        Waiting::NotTakenUp => {
+            let reply_ms = milliseconds(ROBOT_REPLY_TIMEOUT_NS);
+            format!("{reply_ms} ms until it follows them are allowed")
+        }
+        Waiting::OffReference => {
+            let allowed_rad = settings.off_reference_rad();
+            format!("{allowed_rad} rad are allowed")
+        }
+    };
+    format!("{reason}: {why}")
+}
+
+fn refused(output: &CycleOutput, allowed: &str) -> String {
+    let count = output.refused_robot_states;
+    format!("{count} states refused so far, {allowed} are allowed")
 }
 
 #[cfg(test)]
@@ -116,19 +141,19 @@ mod tests {
     fn what_is_waited_for_says_what_is_allowed() {
         let mut output = World::holding().last.unwrap();
         (output.waiting, output.accepted_residual_m) = (Waiting::OffTendonMap, 3.2e-4);
-        let said = waiting(&output, 7);
+        let said = waiting(&output, &SETTINGS, 7);
         assert!(
             said.contains("3.2e-4 m off") && said.contains("1e-6 m are allowed"),
             "{said}"
         );
         (output.waiting, output.refused_robot_states) = (Waiting::OldRobotState, 12);
         assert_eq!(
-            waiting(&output, 7),
-            "robot state too old: 12 robot states refused so far"
+            waiting(&output, &SETTINGS, 7),
+            "robot state too old: 12 states refused so far, states up to 20 ms old are allowed"
         );
         (output.waiting, output.robot_hash) = (Waiting::OtherRobot, 0xab);
         assert_eq!(
-            waiting(&output, 7),
+            waiting(&output, &SETTINGS, 7),
             "another robot: 00000000000000ab, this controller's is 0000000000000007"
         );
     }

@@ -183,7 +183,7 @@ impl LoopView {
         if output.waiting == Waiting::None {
             return fault.to_owned();
         }
-        let waiting = explain::waiting(output, self.published.robot_hash);
+        let waiting = explain::waiting(output, &self.settings, self.published.robot_hash);
         match fault {
             "" => waiting,
             _ => format!("{fault}; not held: {waiting}"),
@@ -204,7 +204,7 @@ impl LoopView {
             };
         } else if !is_logged && output.stamp_ns - since_ns > LOG_WAITING_AFTER_NS {
             self.waiting.is_logged = true;
-            let waiting = explain::waiting(output, self.published.robot_hash);
+            let waiting = explain::waiting(output, &self.settings, self.published.robot_hash);
             warn!("the robot is not taken hold of: {waiting}");
         }
     }

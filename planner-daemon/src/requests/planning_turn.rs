@@ -85,33 +85,39 @@ impl Service {
     /// Begins to plan a request; false where that is deferred.
     fn begin(&mut self, mut queued: Queued, attempt: Attempt) -> bool {
         let begun = Instant::now();
-        let waited = begun - queued.received;
-        let selects_early = self.selects_early(&queued);
-        let lead = |kind| attempt.lead(self.lead_times.lead(kind));
-        let foreseen = lead(queued.kind(selects_early));
-        let Start { begin, problem } = match self.start(&mut queued.task, foreseen) {
-            Ok(start) => start,
+        let kind = queued.kind(self.selects_early(&queued));
+        let foreseen = attempt.lead(self.lead_times.lead(kind));
+        let refusal = match self.start(&mut queued.task, foreseen) {
+            Ok(start) => match begins_too_late(&queued.asker, &start.begin) {
+                Some(refusal) => refusal,
+                None => {
+                    self.plan_from(start, queued, attempt, begun);
+                    return true;
+                }
+            },
             Err(NotReady::Passes(_)) if queued.can_wait(begun) => {
                 self.deferred = Some((queued, attempt));
                 return false;
             }
-            Err(NotReady::Passes(refusal) | NotReady::Stays(refusal)) => {
-                self.refuse(&queued.asker, queued.task.request_id, &refusal);
-                return true;
-            }
+            Err(NotReady::Passes(refusal) | NotReady::Stays(refusal)) => refusal,
         };
-        if let Some(refusal) = begins_too_late(&queued.asker, &begin) {
-            self.refuse(&queued.asker, queued.task.request_id, &refusal);
-            return true;
-        }
+        self.refuse(&queued.asker, queued.task.request_id, &refusal);
+        true
+    }
+
+    /// Has a request planned from a start that was chosen at the instant `begun`.
+    fn plan_from(&mut self, start: Start, queued: Queued, attempt: Attempt, begun: Instant) {
+        let Start { begin, problem } = start;
+        let waited = begun - queued.received;
         // Something may have begun to move since it was asked for.
-        let selects_early = selects_early && problem.moving.is_empty();
+        let selects_early = self.selects_early(&queued) && problem.moving.is_empty();
         let kind = queued.kind(selects_early);
+        let lead = |work| attempt.lead(self.lead_times.lead(PlanKind { work, ..kind }));
         let late_switch = match &begin {
             PlanBegin::AtSwitch(switch) if selects_early => Some(late_switch(
                 self.execution.shared_robot_motion(),
                 *switch,
-                Work::FROM_A_LATE_SWITCH.map(|work| (work, lead(PlanKind { work, ..kind }))),
+                Work::FROM_A_LATE_SWITCH.map(|work| (work, lead(work))),
                 queued.task.begin_mono_ns,
             )),
             _ => None,
@@ -128,15 +134,13 @@ impl Service {
             cancelled: Arc::clone(&cancelled),
         });
         self.plans.free_older();
-        let plan_id = self.next_plan_id;
-        self.next_plan_id += 1;
         self.in_flight = Some(InFlight {
             queued,
             kind: Some(kind),
             begin_chosen: begun,
             took: Duration::ZERO,
             waited,
-            plan_id,
+            plan_id: self.next_plan_id,
             begin,
             depends_on,
             attempt,
@@ -144,7 +148,7 @@ impl Service {
             executed: None,
             makes_way: false,
         });
-        true
+        self.next_plan_id += 1;
     }
 
     /// Whether a motion is executed before its plan is complete: planning tells of none among obstacles that move.

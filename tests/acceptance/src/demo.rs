@@ -1,7 +1,7 @@
 //! The demonstration on a clean clone, judged from its recording.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, ensure};
@@ -50,10 +50,7 @@ pub(crate) fn on_a_clean_clone(
         .env_remove("RUST_BACKTRACE")
         .env("NO_COLOR", "1");
     if !scale.full {
-        demo.env(
-            "CARGO_TARGET_DIR",
-            repository().join("target/acceptance/clone-target"),
-        );
+        demo.env("CARGO_TARGET_DIR", kept_build_folder());
     }
     let output = demo.output()?;
     let error = String::from_utf8_lossy(&output.stderr);
@@ -75,6 +72,11 @@ pub(crate) fn on_a_clean_clone(
         String::from_utf8_lossy(&output.stderr)
     );
     Ok(String::from_utf8(output.stdout)?)
+}
+
+/// Where the quick form builds what clean clones need.
+pub(crate) fn kept_build_folder() -> PathBuf {
+    repository().join("target/acceptance/clone-target")
 }
 
 /// The last commit, in a folder of its own.

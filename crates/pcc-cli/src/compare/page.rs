@@ -173,7 +173,30 @@ fn section(
     set: &SetResult,
     given: &GivenOptions,
 ) -> anyhow::Result<String> {
-    let charts = [
+    let paired = set
+        .planners
+        .iter()
+        .filter_map(|it| Some((it, it.paired.as_ref()?)));
+    let against = &comparison.against;
+    let paired: String = paired
+        .map(|(it, paired)| sentence(against, it, paired))
+        .collect();
+    Ok(format!(
+        "<h2 id=\"set-{}\">{}: {} cases</h2>{}<div class=\"charts\">{}</div>{}<h3><code>{against}</code> beside each other planner, case by case</h3><ul>{paired}</ul><pre>{}</pre>",
+        escaped(&set.set),
+        escaped(&set.set),
+        set.cases,
+        CaseSet::left_out_html(&set.set),
+        charts_of(set)?
+            .map(|svg| format!("<div>{svg}</div>"))
+            .concat(),
+        table(set),
+        escaped(&given.set_command(&set.set)),
+    ))
+}
+
+fn charts_of(set: &SetResult) -> anyhow::Result<[String; 8]> {
+    Ok([
         charts::rows(set, "Success by the paper's criterion", false, |it| {
             it.figures.all.success
         })?,
@@ -199,25 +222,7 @@ fn section(
         charts::by_balls(set, "Certified by number of balls", &BY_BALLS, |it| {
             it.certified
         })?,
-    ];
-    let paired = set
-        .planners
-        .iter()
-        .filter_map(|it| Some((it, it.paired.as_ref()?)));
-    let against = &comparison.against;
-    let paired: String = paired
-        .map(|(it, paired)| sentence(against, it, paired))
-        .collect();
-    Ok(format!(
-        "<h2 id=\"set-{}\">{}: {} cases</h2>{}<div class=\"charts\">{}</div>{}<h3><code>{against}</code> beside each other planner, case by case</h3><ul>{paired}</ul><pre>{}</pre>",
-        escaped(&set.set),
-        escaped(&set.set),
-        set.cases,
-        CaseSet::left_out_html(&set.set),
-        charts.map(|svg| format!("<div>{svg}</div>")).concat(),
-        table(set),
-        escaped(&given.set_command(&set.set)),
-    ))
+    ])
 }
 
 fn table(set: &SetResult) -> String {

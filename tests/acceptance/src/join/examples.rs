@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use client::ScenePublisher;
 use shared_types::codes::LoopState;
 use shared_types::ipc::{IpcNode, newest, scene_service, subscriber};
+use shared_types::message::SceneMessage;
 use shared_types::valid::{ControllerState, Goal, PlanRequest};
 use tests::process::{Process, TimedOut, wait_for};
 use tests::stack::{PATIENCE, Part, Stack};
@@ -21,6 +22,8 @@ pub(super) const NAMES: [&str; 5] = ["plan", "watch", "scene", "drive", "follow"
 pub(super) const TIP_M: [f64; 3] = [1.0, 0.5, 2.3];
 /// How long an example may take that ends by itself.
 pub(super) const LIMIT: Duration = Duration::from_secs(30);
+/// Centre, m, radius, m, and velocity, m/s, of the ball that `scene` publishes, and for how long, s.
+const BALL: [f64; 8] = [3.0, 0.0, 1.0, 0.1, 0.2, 0.05, -0.1, 2.0];
 /// How far from its way rounding may tell a ball, m.
 const ROUNDING_M: f64 = 1e-12;
 
@@ -178,41 +181,14 @@ impl Examples {
 
     fn publish_scene(&self, report: &mut Report) -> anyhow::Result<()> {
         let stack = Stack::running(&Settings::default())?;
-        let words = ["3", "0", "1", "0.1", "0.2", "0.05", "-0.1", "2"];
-        let numbers: Vec<f64> = words
-            .map(str::parse)
-            .into_iter()
-            .collect::<Result<_, _>>()?;
-        let [x, y, z, radius_m, vx, vy, vz, _] = numbers[..] else {
-            bail!("eight numbers");
-        };
         (self.program)("plan")?;
         let node = IpcNode::create(&stack.world.options, "scenes")?;
         let scenes = subscriber(&node, &scene_service(&node)?)?;
-        let begun = Instant::now();
-        let mut publishing = self.start(&stack.world, "scene", &words)?;
+        let (begun, words) = (Instant::now(), BALL.map(|number| number.to_string()));
+        let mut publishing =
+            self.start(&stack.world, "scene", &words.each_ref().map(|it| &**it))?;
         let heard = wait_for("a scene", LIMIT, || newest(&scenes))?;
-        let ball = heard.balls[0];
-        // It moves from the program's start on.
-        let moved_s = (ball.centre_m[0] - x) / vx;
-        let way = [[x, vx], [y, vy], [z, vz]].into_iter().zip(ball.centre_m);
-        let off_m = way.map(|([from, velocity], at)| (from + velocity * moved_s - at).abs());
-        let is_there = (0.0..=begun.elapsed().as_secs_f64()).contains(&moved_s)
-            && off_m.fold(0.0, f64::max) < ROUNDING_M;
-        let is_same = (ball.radius_m, ball.velocity_m_s) == (radius_m, [vx, vy, vz]);
-        report.check(
-            &self.line("the ball of its scene: centre after a time, s; radius, velocity"),
-            format!(
-                "{} balls: {:?} after {moved_s:.4}; {}, {:?}",
-                heard.ball_count, ball.centre_m, ball.radius_m, ball.velocity_m_s
-            ),
-            &format!(
-                "{:?} and as far as it has moved; {radius_m}, {:?}",
-                [x, y, z],
-                [vx, vy, vz]
-            ),
-            heard.ball_count == 1 && is_there && is_same,
-        );
+        self.show_ball(report, &heard, begun.elapsed());
         // While its scenes count nothing hinders a motion.
         let planned = self.plan(&stack.world)?;
         self.is_reached(report, "a motion beside its ball", &planned);
@@ -229,6 +205,31 @@ impl Examples {
         let planned = self.plan(&stack.world)?;
         self.is_reached(report, "a motion behind it", &planned);
         Ok(())
+    }
+
+    /// Whether a scene that was heard so long after the program began is the ball that it was given, as far as it has moved since.
+    fn show_ball(&self, report: &mut Report, heard: &SceneMessage, longest: Duration) {
+        let [x, y, z, radius_m, vx, vy, vz, _] = BALL;
+        let ball = heard.balls[0];
+        let moved_s = (ball.centre_m[0] - x) / vx;
+        let way = [[x, vx], [y, vy], [z, vz]].into_iter().zip(ball.centre_m);
+        let off_m = way.map(|([from, velocity], at)| (from + velocity * moved_s - at).abs());
+        let is_there = (0.0..=longest.as_secs_f64()).contains(&moved_s)
+            && off_m.fold(0.0, f64::max) < ROUNDING_M;
+        let is_same = (ball.radius_m, ball.velocity_m_s) == (radius_m, [vx, vy, vz]);
+        report.check(
+            &self.line("the ball of its scene: centre after a time, s; radius, velocity"),
+            format!(
+                "{} balls: {:?} after {moved_s:.4}; {}, {:?}",
+                heard.ball_count, ball.centre_m, ball.radius_m, ball.velocity_m_s
+            ),
+            &format!(
+                "{:?} and as far as it has moved; {radius_m}, {:?}",
+                [x, y, z],
+                [vx, vy, vz]
+            ),
+            heard.ball_count == 1 && is_there && is_same,
+        );
     }
 
     /// A driver in the simulated robot's place.

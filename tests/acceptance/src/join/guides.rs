@@ -1,11 +1,12 @@
-//! The guides, followed: the commands of their blocks, in order, by a shell in the repository's root.
+//! The guides, followed in a clean clone: the commands of their blocks, in order, by a shell in its root.
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::os::unix::fs::symlink;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::ExitStatus;
-use std::time::Duration;
+use std::process::{self, ExitStatus};
+use std::time::{Duration, Instant};
 
 use ::tests::process::Process;
 use ::tests::programs::repository;
@@ -14,15 +15,22 @@ use ::tests::world::Settings;
 use anyhow::{Context, ensure};
 use client::ResultView;
 use shared_types::codes::MotionOutcome;
+use tempfile::TempDir;
 
 use super::examples::wait_until_held;
+use crate::demo::{clean_clone, kept_build_folder};
 use crate::report::Report;
+use crate::scale::Scale;
 
 /// How long a command may take that ends by itself: an example may have to be built.
 const LIMIT: Duration = Duration::from_secs(300);
 /// How long one may take to end at Ctrl-C.
 const ENDS_WITHIN: Duration = Duration::from_secs(10);
-const COMMAND: &str = "the commands in the blocks of docs/guides, one after the other";
+const COMMAND: &str = "git clone; the commands in the blocks of docs/guides, one after the other";
+/// From `git clone` to the end of every page, minutes.
+const AN_HOUR: f64 = 60.0;
+
+const FOLDER: &str = "docs/guides";
 
 /// A page, and what runs before it is followed.
 struct Guide {
@@ -65,12 +73,12 @@ const GUIDES: [Guide; 6] = [
     },
 ];
 
-pub(super) fn run(report: &mut Report) {
+pub(super) fn run(report: &mut Report, scale: Scale) {
+    let mut newcomer = None;
     report.group("guides: pages", COMMAND, |report| {
-        let mut pages = BTreeSet::new();
-        for entry in fs::read_dir(folder())? {
-            pages.insert(entry?.file_name().to_string_lossy().into_owned());
-        }
+        let pages = fs::read_dir(repository().join(FOLDER))?;
+        let pages = pages.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
+        let mut pages = pages.collect::<anyhow::Result<BTreeSet<String>>>()?;
         GUIDES.iter().for_each(|guide| {
             pages.remove(guide.page);
         });
@@ -80,18 +88,69 @@ pub(super) fn run(report: &mut Report) {
     });
     for guide in GUIDES {
         report.group(&format!("guides: {}", guide.page), COMMAND, |report| {
-            guide.follow(report)
+            let newcomer = match &mut newcomer {
+                Some(newcomer) => newcomer,
+                none => none.insert(Newcomer::arrive(scale)?),
+            };
+            guide.follow(report, &newcomer.root)?;
+            newcomer.show_time(report, guide.page);
+            Ok(())
         });
     }
 }
 
-fn folder() -> PathBuf {
-    repository().join("docs/guides")
+/// Who has nothing but a clean clone, built as getting-started.md says.
+struct Newcomer {
+    root: PathBuf,
+    begun: Instant,
+    /// What was built before the clock began.
+    built_before: &'static str,
+    _folder: TempDir,
+}
+
+impl Newcomer {
+    /// Clones and builds; the quick form shares the build folder of the demonstration, the full one builds from nothing.
+    fn arrive(scale: Scale) -> anyhow::Result<Self> {
+        let (begun, folder) = (Instant::now(), tempfile::tempdir()?);
+        let root = folder.path().join("clone");
+        clean_clone(&root)?;
+        if !scale.full {
+            fs::create_dir_all(kept_build_folder())?;
+            symlink(kept_build_folder(), root.join("target"))?;
+        }
+        let page = fs::read_to_string(root.join("docs/getting-started.md"))?;
+        let build = page.lines().find(|line| line.starts_with("cargo build"));
+        let build = build.context("getting-started.md builds nothing")?;
+        let status = process::Command::new("/bin/sh")
+            .args(["-c", build])
+            .current_dir(&root)
+            .env_remove("CARGO_TARGET_DIR")
+            .status()?;
+        ensure!(status.success(), "{build}: {status}");
+        Ok(Self {
+            root,
+            begun,
+            built_before: scale.pick(
+                "what is built is kept from run to run",
+                "built from nothing",
+            ),
+            _folder: folder,
+        })
+    }
+
+    fn show_time(&self, report: &mut Report, page: &str) {
+        let line = format!(
+            "guides: minutes from `git clone` to the end of {page} ({})",
+            self.built_before
+        );
+        let minutes = self.begun.elapsed().as_secs_f64() / 60.0;
+        report.at_most(&line, minutes, AN_HOUR);
+    }
 }
 
 impl Guide {
-    fn follow(&self, report: &mut Report) -> anyhow::Result<()> {
-        let commands = commands(&fs::read_to_string(folder().join(self.page))?)?;
+    fn follow(&self, report: &mut Report, root: &Path) -> anyhow::Result<()> {
+        let commands = commands(&fs::read_to_string(root.join(FOLDER).join(self.page))?)?;
         ensure!(!commands.is_empty(), "{} has no commands", self.page);
         let mut stack = Stack::new(&Settings::default());
         let mut results = ResultView::watch(&stack.world.options)?;
@@ -103,7 +162,7 @@ impl Guide {
         }
         let mut going_on = Vec::new();
         for command in &commands {
-            let process = command.start(&stack);
+            let process = command.start(&stack, root);
             if !command.is_ended_by_hand() {
                 self.show(report, command, process, LIMIT)?;
                 continue;
@@ -217,10 +276,13 @@ impl Command {
         })
     }
 
-    fn start(&self, stack: &Stack) -> Process {
-        let root = repository().display().to_string();
+    fn start(&self, stack: &Stack, root: &Path) -> Process {
+        let root = root.display().to_string();
         // What a shell starts in the background ignores Ctrl-C.
-        let script = format!("cd \"$0\" && exec env --default-signal=INT {}", self.line);
+        let script = format!(
+            "cd \"$0\" && exec env -u CARGO_TARGET_DIR --default-signal=INT {}",
+            self.line
+        );
         let shell = Path::new("/bin/sh");
         Process::start_program(&stack.world, shell, &["-c", &script, &root])
     }

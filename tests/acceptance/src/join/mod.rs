@@ -30,7 +30,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     |report, scale| of_language(&languages::python(), report, scale),
     plain_python::run,
     |report, _| wire_changes::run(report),
-    |report, _| guides::run(report),
+    guides::run,
     servos::run,
     |report, _| servo_faults::run(report),
     transport::run,

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState, Outcome};
+use shared_types::valid::PlanRequest;
 use tests::brute_force::{Ball, Body};
 use tests::geometry::seeded;
 use tests::judge::Judge;
@@ -121,39 +122,40 @@ fn replans(
         }
         let was_moving = state.state == LoopState::Executing;
         let seed = figures.requests as u64;
-        let request = replan(tip.into(), &scene.balls, seed);
-        let (at, mono_ns) = (Instant::now(), mono_now_ns());
-        let answer = stack.client.plan(&request, PATIENCE)?;
-        let took = at.elapsed();
-        let report = answer.report();
+        let (request, lasts) = ask(stack, &replan(tip.into(), &scene.balls, seed), seed)?;
         figures.requests += 1;
         in_motion += usize::from(was_moving);
-        let answered = match report.trajectory_id {
-            Some(id) => Answered::Published(id),
-            None => Answered::Refused(refusal(report.outcome, &report.reason)),
-        };
-        let is_refused = matches!(answered, Answered::Refused(_));
-        asked.push(Asked {
-            seed,
-            at,
-            mono_ns,
-            answered,
-            took,
-            stages_ns: report.stages_ns,
-            is_truncated: report.outcome == Outcome::Truncated,
-        });
+        let is_refused = matches!(request.answered, Answered::Refused(_));
+        asked.push(request);
         if is_refused && !was_moving {
             // Nothing may lead away from where the robot rests: the next scene is another one.
             break;
         }
-        let begun_s = report
-            .selected
-            .map(|index| report.candidates[index].duration_s);
-        drop(answer);
-        let longest = Duration::from_secs_f64(begun_s.unwrap_or(0.0)).max(shortest);
-        sleep(random_pause(Duration::ZERO, longest, random));
+        sleep(random_pause(Duration::ZERO, lasts.max(shortest), random));
     }
     Ok(asked)
+}
+
+/// What came of a request with this seed, and how long the selected motion lasts.
+fn ask(stack: &mut Stack, request: &PlanRequest, seed: u64) -> anyhow::Result<(Asked, Duration)> {
+    let (at, mono_ns) = (Instant::now(), mono_now_ns());
+    let answer = stack.client.plan(request, PATIENCE)?;
+    let took = at.elapsed();
+    let report = answer.report();
+    let refused = || refusal(report.outcome, &report.reason);
+    let answered = report.trajectory_id.map(Answered::Published);
+    let duration_s = |index: usize| report.candidates[index].duration_s;
+    let lasts_s = report.selected.map_or(0.0, duration_s);
+    let asked = Asked {
+        seed,
+        at,
+        mono_ns,
+        answered: answered.unwrap_or_else(|| Answered::Refused(refused())),
+        took,
+        stages_ns: report.stages_ns,
+        is_truncated: report.outcome == Outcome::Truncated,
+    };
+    Ok((asked, Duration::from_secs_f64(lasts_s)))
 }
 
 /// A refusal without the numbers that differ from one to the next.

@@ -207,21 +207,36 @@ fn waiting(report: &mut Report) -> anyhow::Result<()> {
         (
             Misbehaviour::OffTendonMap(RESIDUAL_M),
             Waiting::OffTendonMap,
+            "1e-6 m are allowed",
         ),
-        (Misbehaviour::NeverRests(1e-6), Waiting::RobotMoves),
-        (Misbehaviour::Deaf, Waiting::NotTakenUp),
-        (Misbehaviour::OffReference(0.03), Waiting::OffReference),
+        (
+            Misbehaviour::NeverRests(1e-6),
+            Waiting::RobotMoves,
+            "without velocity is allowed",
+        ),
+        (
+            Misbehaviour::Deaf,
+            Waiting::NotTakenUp,
+            "200 ms until it follows them are allowed",
+        ),
+        (
+            Misbehaviour::OffReference(0.03),
+            Waiting::OffReference,
+            "0.025 rad are allowed",
+        ),
         (
             Misbehaviour::StampOffset(-60_000_000),
             Waiting::OldRobotState,
+            "up to 20 ms old are allowed",
         ),
         (
             Misbehaviour::StampOffset(60_000_000),
             Waiting::FutureRobotState,
+            "up to 1 ms ahead are allowed",
         ),
     ];
     let (mut named, mut logged, mut held) = (0, 0, 0);
-    for (misbehaviour, reason) in cases {
+    for (misbehaviour, reason, allowed) in cases {
         let mut stand = Stand::new(misbehaviour);
         let state = stand.wait_for("a reason to wait", |state| {
             state.waiting == reason && state.state == LoopState::Starting
@@ -233,7 +248,7 @@ fn waiting(report: &mut Report) -> anyhow::Result<()> {
         let told = wait_for("it is logged", PROMPT, || {
             let log = controller.log();
             let line = log.lines().find(|line| line.contains(reason.text()))?;
-            line.contains("allowed_m=1e-6").then_some(())
+            line.contains(allowed).then_some(())
         });
         logged += usize::from(told.is_ok());
         stand.robot.misbehave(Misbehaviour::None);
