@@ -47,7 +47,6 @@ fn idle(command: Command) -> &'static str {
 
 /// What happened when a fault was latched, by the cycle that reports it first.
 pub(super) fn fault(output: &CycleOutput, settings: &ExecutiveSettings) -> String {
-    let milliseconds = |ns: i64| ns / 1_000_000;
     let what = match output.fault {
         LoopFault::RobotLost => {
             let limit_ms = milliseconds(settings.robot_lost_ns);
@@ -108,6 +107,11 @@ pub(super) fn waiting(
         }
     };
     format!("{reason}: {why}")
+}
+
+/// Whole milliseconds.
+fn milliseconds(interval_ns: i64) -> i64 {
+    interval_ns / 1_000_000
 }
 
 fn refused(output: &CycleOutput, allowed: &str) -> String {
