@@ -136,7 +136,7 @@ pub(crate) fn goal_of(request: &PlanRequest) -> Option<[f64; 6]> {
     }
 }
 
-/// A request that keeps the daemon planning until its deadline: a cage around the straight robot.
+/// A request that keeps the daemon planning for long: a cage around the straight robot, and many configurations outside for each of its goals.
 pub(crate) fn no_way_out() -> PlanRequest {
     let mut balls = Vec::new();
     for ring in 0..3 {
@@ -154,15 +154,13 @@ pub(crate) fn no_way_out() -> PlanRequest {
     }
     PlanRequest {
         sampler: Sampler::RrtConnect,
-        candidate_count: 64,
+        candidate_count: 16,
+        via: vec![Goal::tip([1.8, 0.0, 1.5]), Goal::tip([0.0, 1.8, 1.5])],
         deadline: Some(Duration::from_millis(400)),
         // A ball of an earlier round at the straight robot would be answered at once.
         ignores_live_scene: true,
         balls,
-        ..PlanRequest::new(
-            [0.0; 6],
-            Goal::Configuration([0.0, 1.4, 0.0, 1.4, 0.0, 0.0]),
-        )
+        ..PlanRequest::new([0.0; 6], Goal::tip([-1.5, 0.0, 1.8]))
     }
 }
 

@@ -1,6 +1,8 @@
 //! The demonstration on a clean clone, judged from its recording.
 
 use std::collections::BTreeSet;
+use std::fs;
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -26,7 +28,7 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
-/// What it prints, with these arguments before `--record`. The quick form shares the build folder; the full one builds from nothing.
+/// What it prints, with these arguments before `--record`.
 pub(crate) fn on_a_clean_clone(
     report: &mut Report,
     scale: Scale,
@@ -34,13 +36,7 @@ pub(crate) fn on_a_clean_clone(
     recorded: &Path,
     arguments: &[&str],
 ) -> anyhow::Result<String> {
-    let kept = repository().join("target/acceptance/clone");
-    let clone = if scale.full {
-        folder.join("clone")
-    } else {
-        kept
-    };
-    clean_clone(&clone)?;
+    let clone = clone_to_build(folder, scale)?;
     let mut demo = Command::new(clone.join("scripts/demo"));
     demo.current_dir(&clone)
         .args(arguments)
@@ -49,9 +45,6 @@ pub(crate) fn on_a_clean_clone(
     demo.env_remove("CARGO_TARGET_DIR")
         .env_remove("RUST_BACKTRACE")
         .env("NO_COLOR", "1");
-    if !scale.full {
-        demo.env("CARGO_TARGET_DIR", kept_build_folder());
-    }
     let output = demo.output()?;
     let error = String::from_utf8_lossy(&output.stderr);
     let mut figure = output.status.to_string();
@@ -74,15 +67,25 @@ pub(crate) fn on_a_clean_clone(
     Ok(String::from_utf8(output.stdout)?)
 }
 
-/// Where the quick form builds what clean clones need.
-pub(crate) fn kept_build_folder() -> PathBuf {
-    repository().join("target/acceptance/clone-target")
+/// The last commit, to be built from nothing within `folder`; the quick form keeps what is built from run to run.
+pub(crate) fn clone_to_build(folder: &Path, scale: Scale) -> anyhow::Result<PathBuf> {
+    if scale.full {
+        let clone = folder.join("clone");
+        clean_clone(&clone)?;
+        return Ok(clone);
+    }
+    let kept = repository().join("target/acceptance");
+    let (clone, built) = (kept.join("clone"), kept.join("clone-target"));
+    clean_clone(&clone)?;
+    fs::create_dir_all(&built)?;
+    symlink(built, clone.join("target"))?;
+    Ok(clone)
 }
 
 /// The last commit, in a folder of its own.
 pub(crate) fn clean_clone(folder: &Path) -> anyhow::Result<()> {
     if folder.exists() {
-        std::fs::remove_dir_all(folder)?;
+        fs::remove_dir_all(folder)?;
     }
     let status = Command::new("git")
         .args(["clone", "--quiet"])
@@ -105,7 +108,7 @@ pub(crate) fn judge(report: &mut Report, folder: &Path, printed: &str) -> anyhow
         "the robot file's",
         stated,
     );
-    let file = std::fs::read_to_string(repository().join("config/robots/unit.toml"))?;
+    let file = fs::read_to_string(repository().join("config/robots/unit.toml"))?;
     let body = Body::from_robot_file(&file);
     limits(report, &recording, &body);
     orders(report, &recording);

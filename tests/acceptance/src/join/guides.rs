@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::os::unix::fs::symlink;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{self, ExitStatus};
@@ -18,7 +17,7 @@ use shared_types::codes::MotionOutcome;
 use tempfile::TempDir;
 
 use super::examples::wait_until_held;
-use crate::demo::{clean_clone, kept_build_folder};
+use crate::demo::clone_to_build;
 use crate::report::Report;
 use crate::scale::Scale;
 
@@ -109,15 +108,10 @@ struct Newcomer {
 }
 
 impl Newcomer {
-    /// Clones and builds; the quick form shares the build folder of the demonstration, the full one builds from nothing.
+    /// Clones and builds.
     fn arrive(scale: Scale) -> anyhow::Result<Self> {
         let (begun, folder) = (Instant::now(), tempfile::tempdir()?);
-        let root = folder.path().join("clone");
-        clean_clone(&root)?;
-        if !scale.full {
-            fs::create_dir_all(kept_build_folder())?;
-            symlink(kept_build_folder(), root.join("target"))?;
-        }
+        let root = clone_to_build(folder.path(), scale)?;
         let page = fs::read_to_string(root.join("docs/getting-started.md"))?;
         let build = page.lines().find(|line| line.starts_with("cargo build"));
         let build = build.context("getting-started.md builds nothing")?;
