@@ -38,7 +38,7 @@ pub use motion::{Departure, Motion};
 pub use pace::{Commanded, Pace, PaceLimits};
 pub use refusal::{START_TOLERANCE_RAD, TrajectoryRefusal};
 pub use settings::{CONSISTENCY_M, ExecutiveSettings};
-pub(crate) use supervision::{ROBOT_REPLY_TIMEOUT_NS, STAMP_ALLOWANCE_NS};
+pub(crate) use settings::{ROBOT_REPLY_TIMEOUT_NS, STAMP_ALLOWANCE_NS};
 pub use tracking::Tracking;
 
 use arrayvec::ArrayVec;

@@ -3,6 +3,12 @@
 /// The loop attaches to a robot whose accepted reference is this near to the tendon lengths of a configuration, m.
 pub const CONSISTENCY_M: f64 = 1e-6;
 
+/// A robot state may be stamped this far in the future, ns: robot and loop read the same clock.
+pub(crate) const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
+
+/// How long a robot may take to follow the first set-points, ns.
+pub(crate) const ROBOT_REPLY_TIMEOUT_NS: i64 = 200_000_000;
+
 /// Thresholds at which the state machine calls a cycle late, a peer lost, or a robot astray.
 #[derive(Clone, Copy, Debug)]
 pub struct ExecutiveSettings {

@@ -3,17 +3,14 @@
 use shared_types::clock::seconds;
 use shared_types::codes::{LoopFault, LoopState, MotorState, Waiting};
 
-use super::{CONSISTENCY_M, CycleInput, Executive, RobotSample, RobotUpdate, StopOrigin};
-
-/// A robot state may be stamped this far in the future, ns: robot and loop read the same clock.
-pub(crate) const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
+use super::{
+    CONSISTENCY_M, CycleInput, Executive, ROBOT_REPLY_TIMEOUT_NS, RobotSample, RobotUpdate,
+    STAMP_ALLOWANCE_NS, StopOrigin,
+};
 
 /// Cycle time without a round of the guard, which makes one each millisecond, after which the motion is stopped, ns: longer than
 /// ordinary programs keep the guard from a processor.
 const GUARD_TIMEOUT_NS: i64 = 100_000_000;
-
-/// How long a robot may take to follow the first set-points, ns.
-pub(crate) const ROBOT_REPLY_TIMEOUT_NS: i64 = 200_000_000;
 
 impl Executive {
     /// Takes the robot's state, or counts its silence.

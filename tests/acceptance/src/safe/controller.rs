@@ -201,42 +201,46 @@ fn pauses(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// How far an accepted set-point is off the tendon lengths of every configuration, m.
+const RESIDUAL_M: f64 = 1.1e-6;
+
+/// What robots do, what a controller then waits for, and what its log says is allowed.
+const REASONS: [(Misbehaviour, Waiting, &str); 6] = [
+    (
+        Misbehaviour::OffTendonMap(RESIDUAL_M),
+        Waiting::OffTendonMap,
+        "1e-6 m are allowed",
+    ),
+    (
+        Misbehaviour::NeverRests(1e-6),
+        Waiting::RobotMoves,
+        "without velocity is allowed",
+    ),
+    (
+        Misbehaviour::Deaf,
+        Waiting::NotTakenUp,
+        "200 ms until it follows them are allowed",
+    ),
+    (
+        Misbehaviour::OffReference(0.03),
+        Waiting::OffReference,
+        "0.025 rad are allowed",
+    ),
+    (
+        Misbehaviour::StampOffset(-60_000_000),
+        Waiting::OldRobotState,
+        "up to 20 ms old are allowed",
+    ),
+    (
+        Misbehaviour::StampOffset(60_000_000),
+        Waiting::FutureRobotState,
+        "up to 1 ms ahead are allowed",
+    ),
+];
+
 fn waiting(report: &mut Report) -> anyhow::Result<()> {
-    const RESIDUAL_M: f64 = 1.1e-6;
-    let cases = [
-        (
-            Misbehaviour::OffTendonMap(RESIDUAL_M),
-            Waiting::OffTendonMap,
-            "1e-6 m are allowed",
-        ),
-        (
-            Misbehaviour::NeverRests(1e-6),
-            Waiting::RobotMoves,
-            "without velocity is allowed",
-        ),
-        (
-            Misbehaviour::Deaf,
-            Waiting::NotTakenUp,
-            "200 ms until it follows them are allowed",
-        ),
-        (
-            Misbehaviour::OffReference(0.03),
-            Waiting::OffReference,
-            "0.025 rad are allowed",
-        ),
-        (
-            Misbehaviour::StampOffset(-60_000_000),
-            Waiting::OldRobotState,
-            "up to 20 ms old are allowed",
-        ),
-        (
-            Misbehaviour::StampOffset(60_000_000),
-            Waiting::FutureRobotState,
-            "up to 1 ms ahead are allowed",
-        ),
-    ];
     let (mut named, mut logged, mut held) = (0, 0, 0);
-    for (misbehaviour, reason, allowed) in cases {
+    for (misbehaviour, reason, allowed) in REASONS {
         let mut stand = Stand::new(misbehaviour);
         let state = stand.wait_for("a reason to wait", |state| {
             state.waiting == reason && state.state == LoopState::Starting
@@ -258,17 +262,17 @@ fn waiting(report: &mut Report) -> anyhow::Result<()> {
     report.all_of(
         "defect 7: reasons to stay in `starting` that are published, with the figure",
         named,
-        cases.len(),
+        REASONS.len(),
     );
     report.all_of(
         "defect 7: reasons that are logged, with what is allowed",
         logged,
-        cases.len(),
+        REASONS.len(),
     );
     report.all_of(
         "defect 7: held as soon as the driver is mended",
         held,
-        cases.len(),
+        REASONS.len(),
     );
     let mut stack = Stack::new(&Settings::default());
     stack.start(Part::Controller);
