@@ -28,7 +28,7 @@ pub struct ExecutiveSettings {
 
 impl ExecutiveSettings {
     /// How far a robot's body may be from its reference where the loop attaches to it, rad.
-    pub(crate) fn off_reference_rad(&self) -> f64 {
+    pub(crate) fn off_reference_limit_rad(&self) -> f64 {
         0.5 * self.hold_tolerance_rad
     }
 }

@@ -188,7 +188,7 @@ impl Executive {
         let reference = self
             .map
             .configuration(&robot.accepted_m[..self.map.count()]);
-        (robot.measured_rad - reference).norm() > self.settings.off_reference_rad()
+        (robot.measured_rad - reference).norm() > self.settings.off_reference_limit_rad()
     }
 
     /// Distance of the robot's accepted set-point from the tendon lengths of every configuration, m.

@@ -75,38 +75,52 @@ pub(super) fn waiting(
     settings: &ExecutiveSettings,
     own_robot: u64,
 ) -> String {
+    format!(
+        "{}: {}",
+        output.waiting,
+        allowed(output, settings, own_robot)
+    )
+}
+
+/// What is allowed where the loop does not hold the robot, without what it waits for: short enough to be told behind a fault.
+pub(super) fn allowed(
+    output: &CycleOutput,
+    settings: &ExecutiveSettings,
+    own_robot: u64,
+) -> String {
     let lost_ms = milliseconds(settings.robot_lost_ns);
-    let reason = output.waiting;
-    let why = match reason {
-        Waiting::None | Waiting::RobotFault => return reason.to_string(),
+    let refused = format!("{} refused", output.refused_robot_states);
+    match output.waiting {
+        Waiting::None => "held".to_owned(),
         Waiting::OtherRobot => format!(
             "{:016x}, this controller's is {own_robot:016x}",
             output.robot_hash
         ),
-        Waiting::OffTendonMap => format!(
-            "it is {:.1e} m off the tendon lengths of the nearest one, {CONSISTENCY_M:.0e} m are allowed",
-            output.accepted_residual_m
-        ),
+        Waiting::OffTendonMap => {
+            let residual_m = output.accepted_residual_m;
+            format!("{residual_m:.1e} m off, {CONSISTENCY_M:.0e} m are allowed")
+        }
         Waiting::NoRobotState => format!("{lost_ms} ms without one are allowed"),
-        Waiting::InvalidRobotState => refused(output, "the codes of the wire and finite numbers"),
-        Waiting::RepeatedRobotState => refused(output, "stamps later than the one before"),
-        Waiting::OldRobotState => refused(output, &format!("states up to {lost_ms} ms old")),
+        Waiting::InvalidRobotState => {
+            format!("{refused}, only what docs/wire.md says is allowed")
+        }
+        Waiting::RepeatedRobotState => format!("{refused}, only newer stamps are allowed"),
+        Waiting::OldRobotState => format!("{refused}, {lost_ms} ms of age are allowed"),
         Waiting::FutureRobotState => {
             let ahead_ms = milliseconds(STAMP_ALLOWANCE_NS);
-            refused(output, &format!("stamps up to {ahead_ms} ms ahead"))
+            format!("{refused}, {ahead_ms} ms ahead are allowed")
         }
-        Waiting::RobotMoves => "an accepted set-point without velocity is allowed".to_owned(),
-        Waiting::RobotFollowsAnother => "a robot that follows none is allowed".to_owned(),
-        Waiting::NotTakenUp => {
-            let reply_ms = milliseconds(ROBOT_REPLY_TIMEOUT_NS);
-            format!("{reply_ms} ms until it follows them are allowed")
+        Waiting::RobotFault => "only a state without a fault is allowed".to_owned(),
+        Waiting::RobotMoves => "only idle or at rest after loss, at 0 m/s, is allowed".to_owned(),
+        Waiting::RobotFollowsAnother => "only idle or at rest after loss is allowed".to_owned(),
+        Waiting::NotTakenUp if output.state == LoopState::Fault => {
+            "none are sent before a reset".to_owned()
         }
+        Waiting::NotTakenUp => format!("{} ms are allowed", milliseconds(ROBOT_REPLY_TIMEOUT_NS)),
         Waiting::OffReference => {
-            let allowed_rad = settings.off_reference_rad();
-            format!("{allowed_rad} rad are allowed")
+            format!("{} rad are allowed", settings.off_reference_limit_rad())
         }
-    };
-    format!("{reason}: {why}")
+    }
 }
 
 /// Whole milliseconds.
@@ -114,15 +128,11 @@ fn milliseconds(interval_ns: i64) -> i64 {
     interval_ns / 1_000_000
 }
 
-fn refused(output: &CycleOutput, allowed: &str) -> String {
-    let count = output.refused_robot_states;
-    format!("{count} states refused so far, {allowed} are allowed")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::fixtures::{SETTINGS, World};
+    use shared_types::capacity::REASON_BYTES;
 
     #[test]
     fn a_fault_says_by_how_much_and_where_on_which_trajectory() {
@@ -153,12 +163,43 @@ mod tests {
         (output.waiting, output.refused_robot_states) = (Waiting::OldRobotState, 12);
         assert_eq!(
             waiting(&output, &SETTINGS, 7),
-            "robot state too old: 12 states refused so far, states up to 20 ms old are allowed"
+            "robot state too old: 12 refused, 20 ms of age are allowed"
         );
         (output.waiting, output.robot_hash) = (Waiting::OtherRobot, 0xab);
         assert_eq!(
             waiting(&output, &SETTINGS, 7),
             "another robot: 00000000000000ab, this controller's is 0000000000000007"
+        );
+    }
+
+    #[test]
+    fn what_is_allowed_is_told_behind_the_longest_fault() {
+        let mut output = World::holding().last.unwrap();
+        output.fault = LoopFault::TrackingError;
+        (output.trajectory_id, output.path_time_s) = (u32::MAX, 999.999);
+        output.refused_robot_states = 10_000;
+        let fault = fault(&output, &SETTINGS);
+        for &reason in Waiting::ALL {
+            output.waiting = reason;
+            let allowed = allowed(&output, &SETTINGS, u64::MAX);
+            let told = format!("{fault}; not held: {allowed}");
+            assert!(told.len() <= REASON_BYTES, "{} bytes: {told}", told.len());
+            let is_told = ["allowed", "this controller's", "held"];
+            assert!(
+                is_told.iter().any(|it| allowed.contains(it)),
+                "{reason}: {allowed}"
+            );
+        }
+        output.waiting = Waiting::NotTakenUp;
+        assert_eq!(
+            waiting(&output, &SETTINGS, 7),
+            "set-points not taken up: 200 ms are allowed"
+        );
+        output.state = LoopState::Fault;
+        let said = waiting(&output, &SETTINGS, 7);
+        assert_eq!(
+            said,
+            "set-points not taken up: none are sent before a reset"
         );
     }
 

@@ -183,10 +183,13 @@ impl LoopView {
         if output.waiting == Waiting::None {
             return fault.to_owned();
         }
-        let waiting = explain::waiting(output, &self.settings, self.published.robot_hash);
+        let own_robot = self.published.robot_hash;
         match fault {
-            "" => waiting,
-            _ => format!("{fault}; not held: {waiting}"),
+            "" => explain::waiting(output, &self.settings, own_robot),
+            _ => {
+                let allowed = explain::allowed(output, &self.settings, own_robot);
+                format!("{fault}; not held: {allowed}")
+            }
         }
     }
 

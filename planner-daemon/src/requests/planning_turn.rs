@@ -85,13 +85,14 @@ impl Service {
     /// Begins to plan a request; false where that is deferred.
     fn begin(&mut self, mut queued: Queued, attempt: Attempt) -> bool {
         let begun = Instant::now();
-        let kind = queued.kind(self.selects_early(&queued));
+        let selects_early = self.selects_early(&queued);
+        let kind = queued.kind(selects_early);
         let foreseen = attempt.lead(self.lead_times.lead(kind));
         let refusal = match self.start(&mut queued.task, foreseen) {
             Ok(start) => match begins_too_late(&queued.asker, &start.begin) {
                 Some(refusal) => refusal,
                 None => {
-                    self.plan_from(start, queued, attempt, begun);
+                    self.plan_from(start, queued, attempt, begun, selects_early);
                     return true;
                 }
             },
@@ -105,12 +106,20 @@ impl Service {
         true
     }
 
-    /// Has a request planned from a start that was chosen at the instant `begun`.
-    fn plan_from(&mut self, start: Start, queued: Queued, attempt: Attempt, begun: Instant) {
+    /// Has a request planned from a start that is chosen from the instant `begun` on; `selects_early` says whether a motion may be executed before
+    /// its plan is complete, where nothing moves.
+    fn plan_from(
+        &mut self,
+        start: Start,
+        queued: Queued,
+        attempt: Attempt,
+        begun: Instant,
+        selects_early: bool,
+    ) {
         let Start { begin, problem } = start;
         let waited = begun - queued.received;
         // Something may have begun to move since it was asked for.
-        let selects_early = self.selects_early(&queued) && problem.moving.is_empty();
+        let selects_early = selects_early && problem.moving.is_empty();
         let kind = queued.kind(selects_early);
         let lead = |work| attempt.lead(self.lead_times.lead(PlanKind { work, ..kind }));
         let late_switch = match &begin {

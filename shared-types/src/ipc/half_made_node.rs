@@ -1,12 +1,15 @@
-//! Removes what a node leaves whose process was killed before others could see that it lives, or who cleaned up after it while they did.
+//! Removes what a node leaves whose process was killed before others could see that it lives, or who cleaned up after it while they did, or
+//! where iceoryx2 could not clean up to the end.
 //!
 //! iceoryx2 0.10.0 makes the folder of a node (`nodes/<id>`) first, then three files that tell whether its process lives
 //! (`nodes/<prefix>_<id>.node_monitor…`); the last step makes the context among them readable. It cleans up after those alone that came so far,
 //! and removes the context last: where the process that cleans up is killed before that, the node counts as being cleaned up for ever
-//! (`ProcessMonitor::state` in `iceoryx2-bb-posix/src/process_state.rs`).
+//! (`ProcessMonitor::state` in `iceoryx2-bb-posix/src/process_state.rs`). A tag in the folder that is not whole yet, of a port or a service, it
+//! takes for none: it removes the details (`<prefix>node.details`), but not the folder, and knows without the details no more where
+//! the node's files are.
 //!
 //! Whether the maker lives is asked of its process id: one of another pid namespace (a container) counts as dead. Its node is lost if it was
-//! stopped for a second between those steps, which take microseconds.
+//! stopped for half a second between those steps, which take microseconds.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -18,12 +21,14 @@ use rustix::io::Errno;
 use rustix::process::{Pid, geteuid, test_kill_process};
 
 /// The folder of nodes in the services' root, as in iceoryx2's configuration.
-const NODES: &str = "nodes";
+pub(super) const NODES: &str = "nodes";
 const MONITOR: &str = ".node_monitor";
 const OWNER_LOCK: &str = ".node_monitor_owner_lock";
 const CONTEXT: &str = ".node_monitor_context";
 /// How the names of a node's files end.
 const ENDS: [&str; 3] = [MONITOR, OWNER_LOCK, CONTEXT];
+/// How the name of the file ends that a node's folder has from first to last.
+const DETAILS: &str = "node.details";
 /// A context that its owner may read is whole.
 const READABLE: u32 = 0o400;
 
@@ -90,40 +95,47 @@ fn files(folder: &Path, names: &BTreeSet<String>, end: &str) -> Vec<PathBuf> {
 fn is_whole(folder: &Path, names: &BTreeSet<String>) -> bool {
     let is_there = |end: &&str| !files(folder, names, end).is_empty();
     let is_readable = |path: &PathBuf| fs::metadata(path).is_ok_and(|it| it.mode() & READABLE != 0);
-    [MONITOR, OWNER_LOCK].iter().all(is_there)
+    let in_folder = self::names(folder);
+    in_folder.iter().any(|name| name.ends_with(DETAILS))
+        && [MONITOR, OWNER_LOCK].iter().all(is_there)
         && files(folder, names, CONTEXT).iter().any(is_readable)
 }
 
-/// The process that made the node of this id: iceoryx2 joins seconds, nanoseconds, process and a count to a number of 128 bits, the first one
+/// The process that made the node or the port of this id: iceoryx2 joins seconds, nanoseconds, process and a count to a number of 128 bits, the first one
 /// lowest. None where the name is no such number.
-fn maker(name: &str) -> Option<Pid> {
+pub(super) fn maker(name: &str) -> Option<Pid> {
     let id: u128 = name.parse().ok()?;
     let process = i32::try_from((id >> 64) as u32).ok()?;
     Pid::from_raw(process).filter(|_| id.to_string() == name)
 }
 
-fn lives(process: Pid) -> bool {
+pub(super) fn lives(process: Pid) -> bool {
     test_kill_process(process) != Err(Errno::SRCH)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::ipc::{IpcNode, IpcOptions};
-    use std::os::unix::fs::PermissionsExt;
+pub(super) mod fixtures {
     use std::process::Command;
-    use tempfile::TempDir;
 
-    /// The id of a node that a process made.
-    fn id_of(pid: u32) -> String {
+    /// The id of a node or a port that a process made.
+    pub(crate) fn id_of(pid: u32) -> String {
         ((u128::from(pid) << 64) | 7).to_string()
     }
 
-    fn ended_process() -> u32 {
+    pub(crate) fn ended_process() -> u32 {
         let mut child = Command::new("true").spawn().unwrap();
         child.wait().unwrap();
         child.id()
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fixtures::{ended_process, id_of};
+    use super::*;
+    use crate::ipc::{IpcNode, IpcOptions};
+    use std::os::unix::fs::PermissionsExt;
+    use tempfile::TempDir;
 
     /// A node of which so many steps after its folder are done, of four.
     fn node(root: &Path, pid: u32, steps: usize) -> PathBuf {
@@ -171,6 +183,22 @@ mod tests {
             remove_half_made_node(&folder).unwrap();
             assert!(names(&root.path().join(NODES)).is_empty());
         }
+    }
+
+    #[test]
+    fn nothing_remains_where_a_tag_was_not_whole() {
+        let root = TempDir::new().unwrap();
+        let folder = node(root.path(), ended_process(), 4);
+        fs::write(folder.join("any_8.port_tag"), "").unwrap();
+        assert!(
+            half_made_nodes(root.path()).is_empty(),
+            "it is cleaned up yet"
+        );
+        fs::remove_file(folder.join("any_node.details")).unwrap();
+        let half_made = half_made_nodes(root.path());
+        assert_eq!(half_made, BTreeSet::from([folder.clone()]));
+        remove_half_made_node(&folder).unwrap();
+        assert!(names(&root.path().join(NODES)).is_empty());
     }
 
     #[test]

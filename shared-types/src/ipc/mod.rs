@@ -16,6 +16,7 @@ mod error;
 mod event;
 mod half_made_node;
 mod heartbeats;
+mod left_listener;
 mod live;
 mod memory;
 mod node;

@@ -25,7 +25,7 @@ use crate::message::Layout;
 
 /// Processes that may open one service at the same time, dead ones that nobody has cleaned up yet included.
 pub const NODES: usize = 80;
-/// How long another process may take to open a service: milliseconds, or somewhat over a second where it meets a dead
+/// How long another process may take to open a service: milliseconds, or up to a second where it meets a dead
 /// creator's remains.
 const PATIENCE: Duration = Duration::from_secs(4);
 /// Pause between two looks at the lock.

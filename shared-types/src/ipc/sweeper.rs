@@ -1,5 +1,5 @@
 //! Removes shared memory whose maker was killed before it had a size, or before it could remove its node counter, and nodes that were killed
-//! while they were made ([`super::half_made_node`]).
+//! while they were made ([`super::half_made_node`]), and what listeners leave ([`super::left_listener`]).
 //!
 //! Programs that have only iceoryx2 0.10.0 wait for such memory without end, whatever its time limits say: the case
 //! `MappingSizeIsZero` of `open_impl` in `iceoryx2-cal/src/dynamic_storage/posix_shared_memory.rs` is the only one without a limit.
@@ -25,6 +25,7 @@ use rustix::fs::OFlags;
 use rustix::process::geteuid;
 
 use super::half_made_node::{half_made_nodes, remove_half_made_node};
+use super::left_listener::left_by_listeners;
 use super::node_counter::is_of_one_node;
 use super::shm_override::FOLDER;
 use super::write_lease::WriteLease;
@@ -33,7 +34,7 @@ use super::{IpcOptions, JoinOnDrop};
 /// Time between two looks.
 const PERIOD: Duration = Duration::from_millis(200);
 /// What is half-made for longer than this is looked at closely: it takes microseconds to make.
-const PATIENCE: Duration = Duration::from_secs(1);
+const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Looks for abandoned memory of one prefix, in a thread of its own, until dropped.
 #[derive(Debug)]
@@ -87,7 +88,10 @@ impl Sweeper {
 fn sweep(options: &IpcOptions, seen: &mut HashMap<PathBuf, Instant>) {
     let prefix = options.file_prefix();
     let (memory, nodes) = (half_made(&prefix), half_made_nodes(&options.root));
-    seen.retain(|path, _| memory.contains(path) || nodes.contains(path));
+    let of_listeners = left_by_listeners(&prefix, &options.root, Path::new(FOLDER));
+    seen.retain(|path, _| {
+        memory.contains(path) || nodes.contains(path) || of_listeners.contains(path)
+    });
     let now = Instant::now();
     let mut is_due =
         |path: &&PathBuf| now - *seen.entry((*path).clone()).or_insert(now) >= PATIENCE;
@@ -97,6 +101,9 @@ fn sweep(options: &IpcOptions, seen: &mut HashMap<PathBuf, Instant>) {
     }
     for path in nodes.iter().filter(&mut is_due) {
         let _ = remove_half_made_node(path);
+    }
+    for path in of_listeners.iter().filter(&mut is_due) {
+        let _ = fs::remove_file(path);
     }
 }
 

@@ -67,7 +67,8 @@ pub(crate) fn on_a_clean_clone(
     Ok(String::from_utf8(output.stdout)?)
 }
 
-/// The last commit, to be built from nothing within `folder`; the quick form keeps what is built from run to run.
+/// Clones the last commit into `folder`, to be built from nothing; the quick form keeps a clone and what is built of it from run to run elsewhere.
+/// Returns where the clone is.
 pub(crate) fn clone_to_build(folder: &Path, scale: Scale) -> anyhow::Result<PathBuf> {
     if scale.full {
         let clone = folder.join("clone");

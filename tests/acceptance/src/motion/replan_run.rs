@@ -121,23 +121,23 @@ fn replans(
             break;
         }
         let was_moving = state.state == LoopState::Executing;
-        let seed = figures.requests as u64;
-        let (request, lasts) = ask(stack, &replan(tip.into(), &scene.balls, seed), seed)?;
+        let request = replan(tip.into(), &scene.balls, figures.requests as u64);
+        let (answered, duration) = ask(stack, &request)?;
         figures.requests += 1;
         in_motion += usize::from(was_moving);
-        let is_refused = matches!(request.answered, Answered::Refused(_));
-        asked.push(request);
+        let is_refused = matches!(answered.answered, Answered::Refused(_));
+        asked.push(answered);
         if is_refused && !was_moving {
             // Nothing may lead away from where the robot rests: the next scene is another one.
             break;
         }
-        sleep(random_pause(Duration::ZERO, lasts.max(shortest), random));
+        sleep(random_pause(Duration::ZERO, duration.max(shortest), random));
     }
     Ok(asked)
 }
 
-/// What came of a request with this seed, and how long the selected motion lasts.
-fn ask(stack: &mut Stack, request: &PlanRequest, seed: u64) -> anyhow::Result<(Asked, Duration)> {
+/// What came of a request, and how long the selected motion lasts.
+fn ask(stack: &mut Stack, request: &PlanRequest) -> anyhow::Result<(Asked, Duration)> {
     let (at, mono_ns) = (Instant::now(), mono_now_ns());
     let answer = stack.client.plan(request, PATIENCE)?;
     let took = at.elapsed();
@@ -147,7 +147,7 @@ fn ask(stack: &mut Stack, request: &PlanRequest, seed: u64) -> anyhow::Result<(A
     let duration_s = |index: usize| report.candidates[index].duration_s;
     let lasts_s = report.selected.map_or(0.0, duration_s);
     let asked = Asked {
-        seed,
+        seed: request.seed,
         at,
         mono_ns,
         answered: answered.unwrap_or_else(|| Answered::Refused(refused())),
