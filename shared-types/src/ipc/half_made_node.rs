@@ -53,14 +53,15 @@ pub(super) fn remove_half_made_node(folder: &Path) -> io::Result<()> {
     let names = folder.parent().map(names).unwrap_or_default();
     let files = ENDS.iter().flat_map(|end| files(folder, &names, end));
     let files: Vec<PathBuf> = files.collect();
-    let is_own = |path: &PathBuf| {
-        fs::symlink_metadata(path).is_ok_and(|data| data.uid() == geteuid().as_raw())
-    };
     let is_own_folder = match fs::symlink_metadata(folder) {
         Ok(data) => data.is_dir() && data.uid() == geteuid().as_raw(),
         Err(error) => error.kind() == io::ErrorKind::NotFound,
     };
-    if !is_own_folder || !files.iter().all(is_own) || !is_dead || is_whole(folder, &names) {
+    if !is_own_folder
+        || !files.iter().all(|path| is_own(path))
+        || !is_dead
+        || is_whole(folder, &names)
+    {
         return Err(io::ErrorKind::WouldBlock.into());
     }
     if names.contains(id(folder).unwrap_or_default()) {
@@ -81,8 +82,18 @@ fn id(folder: &Path) -> Option<&str> {
 
 /// The id of the node that the folder or the file of this name is of.
 fn id_in(name: &str) -> &str {
-    let stem = ENDS.iter().find_map(|end| name.strip_suffix(end));
-    stem.map_or(name, |stem| stem.rsplit('_').next().unwrap_or(stem))
+    id_before(name, &ENDS).unwrap_or(name)
+}
+
+/// The id in a file's name that ends in one of these ways.
+pub(super) fn id_before<'a>(name: &'a str, ends: &[&str]) -> Option<&'a str> {
+    let stem = ends.iter().find_map(|end| name.strip_suffix(end))?;
+    stem.rsplit('_').next()
+}
+
+/// Whether what has this name is this user's.
+pub(super) fn is_own(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|data| data.uid() == geteuid().as_raw())
 }
 
 /// The files of a node whose names end so, whatever the prefix.

@@ -7,12 +7,9 @@
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fs;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-use rustix::process::geteuid;
-
-use super::half_made_node::{NODES, lives, maker};
+use super::half_made_node::{NODES, id_before, is_own, lives, maker};
 
 /// How the names of a listener's memory and socket end.
 const ENDS: [&str; 2] = [".event_mgmt", ".event"];
@@ -26,7 +23,10 @@ pub(super) fn left_by_listeners(prefix: &str, root: &Path, folder: &Path) -> BTr
     if !left.is_empty() {
         let nodes = entries(&root.join(NODES));
         let tags: BTreeSet<PathBuf> = nodes.flat_map(|node| entries(&node)).collect();
-        let tagged: BTreeSet<&str> = tags.iter().filter_map(|tag| id(tag, TAG)).collect();
+        let tagged: BTreeSet<&str> = tags
+            .iter()
+            .filter_map(|tag| id_before(name(tag), &[TAG]))
+            .collect();
         left.retain(|path| listener(path).is_some_and(|id| !tagged.contains(id)));
     }
     left
@@ -38,21 +38,17 @@ fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> + use<> {
 }
 
 fn is_of_dead_listener(prefix: &str, path: &Path) -> bool {
-    let name = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
     let is_dead = || listener(path).and_then(maker).is_some_and(|it| !lives(it));
-    let is_own = || fs::symlink_metadata(path).is_ok_and(|data| data.uid() == geteuid().as_raw());
-    name.starts_with(prefix) && is_dead() && is_own()
+    name(path).starts_with(prefix) && is_dead() && is_own(path)
 }
 
 /// The id of the listener that a file is of.
 fn listener(path: &Path) -> Option<&str> {
-    ENDS.iter().find_map(|end| id(path, end))
+    id_before(name(path), &ENDS)
 }
 
-/// The id in a name that ends so.
-fn id<'a>(path: &'a Path, end: &str) -> Option<&'a str> {
-    let name = path.file_name()?.to_str()?;
-    name.strip_suffix(end)?.rsplit('_').next()
+fn name(path: &Path) -> &str {
+    path.file_name().and_then(OsStr::to_str).unwrap_or_default()
 }
 
 #[cfg(test)]
