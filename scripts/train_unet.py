@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors import safe_open
 from torch import nn
 
 from scene_symmetries import Symmetries, moved
@@ -24,6 +25,9 @@ WARM_UP_UPDATES = 500
 AVERAGE_EVERY = 4
 VALIDATION_ROWS = 2048
 UPDATES_BEFORE_CAPTURE = 3
+SCALE_TENSORS = tuple(
+    f"normalisation.{part}" for part in ("configuration_low", "configuration_high", "position_centre", "position_scale")
+)
 
 
 class Scale:
@@ -52,10 +56,7 @@ class Scale:
         return (values - self.centre) / self.scale
 
     def tensors(self):
-        return {
-            "normalisation.configuration_low": self.low, "normalisation.configuration_high": self.high,
-            "normalisation.position_centre": self.centre, "normalisation.position_scale": self.scale,
-        }  # fmt: skip
+        return dict(zip(SCALE_TENSORS, (self.low, self.high, self.centre, self.scale)))
 
 
 class Rows:
@@ -260,11 +261,22 @@ def validate(run, diffusion, rows):
     return float(sum(losses) / len(rows.validation)) if chunks and len(rows.validation) else math.nan
 
 
+def state_of(source, device):
+    """A run's checkpoint, or of a weights file what a new run begins with: averaged weights, scale and updates."""
+    if source.suffix != ".safetensors":
+        return torch.load(source, map_location=device, weights_only=True)
+    with safe_open(source, "pt", device=str(device)) as file:
+        tensors = {name: file.get_tensor(name) for name in file.keys()}
+        updates = int(file.metadata()["updates"])
+    scale = {name: tensors.pop(name) for name in SCALE_TENSORS}
+    return {"average": tensors, "scale": scale, "updates": updates}
+
+
 def begin(arguments, device):
     """The run, from its checkpoint, from another one's weights, or from nothing; and its rows."""
     checkpoint = Path(arguments.checkpoint)
     source = checkpoint if checkpoint.exists() else arguments.begin_from
-    state = torch.load(source, map_location=device, weights_only=True) if source else None
+    state = state_of(Path(source), device) if source else None
     rows = Rows(arguments.data, device, arguments.symmetries, state and Scale(*state["scale"].values()))
     run = Run(arguments, rows, device)
     if checkpoint.exists():
@@ -327,7 +339,7 @@ def main():
     p = commands.add_parser("train", help="train; goes on from the checkpoint if there is one")
     p.add_argument("--data", required=True, nargs="+", help="folders of data sets from `pcc dataset`")
     p.add_argument("--checkpoint", **checkpoint)
-    p.add_argument("--begin-from", help="checkpoint of another run whose weights a new one begins with")
+    p.add_argument("--begin-from", help="checkpoint of another run, or weights file, whose weights a new run begins with")
     p.add_argument("--updates", type=int, default=100_000, help="length of the run (default %(default)s, the paper's)")
     p.add_argument("--cool-down", type=int, default=0, help="last updates, over which the rate falls to 0 (default none)")
     p.add_argument("--batch", type=int, default=64, help="rows an update (default %(default)s)")
