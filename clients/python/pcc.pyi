@@ -138,7 +138,8 @@ class Targets:
     def acceleration_m_s2(self) -> list[float]: ...
 
 class Driver:
-    """Drives the motors of a robot, in cycles of 1 ms; it has the robot's place. Iterated, it gives what they are to do in each cycle."""
+    """Drives the motors of a robot, in cycles of 1 ms; it has the robot's place. Iterated, it gives what they are to do in each cycle, until
+    it was shut down and they rest."""
 
     def __init__(
         self, robot_file: str, position_m: Sequence[float] = (0.0,) * 9, prefix: str | None = None, root: str | None = None
@@ -147,6 +148,9 @@ class Driver:
     def __next__(self) -> Targets: ...
     def report(self, measured_m: Sequence[float], *, fault: bool = False) -> None:
         """What the motors did in this cycle: 9 measured lengths."""
+
+    def shut_down(self) -> None:
+        """Ramps the motors to rest; the iterator then ends."""
 
 class Cycle:
     """One cycle of a follower: targets for the motors, and the configuration of the set-point, rad, rad/s, rad/s²."""

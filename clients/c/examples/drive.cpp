@@ -5,8 +5,6 @@
 int main(int count, char **argument) {
   if (count != 2) return std::cerr << "usage: drive ROBOT_FILE\n", 2;
   pcc::Driver driver(argument[1]);
-  while (true) {
-    PccMotorTargets targets = driver.next();
-    driver.report(targets.position_m);
-  }
+  driver.shut_down_at_signals();
+  while (std::optional<PccMotorTargets> targets = driver.next()) driver.report(targets->position_m);
 }

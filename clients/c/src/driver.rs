@@ -8,7 +8,7 @@ use robot_driver::{DriverSettings, RobotConnection, RobotDriver, TENDONS, Tendon
 use shared_types::codes::{MotorFault, UnknownCode};
 
 use crate::error::{Failure, Outcome, or_fail};
-use crate::pointer::{array, free, give, options, robot, write};
+use crate::pointer::{array, free, give, options, read, robot, write};
 
 /// The driver of a robot's motors; it has the robot's place.
 pub struct Driver(RobotDriver);
@@ -69,20 +69,23 @@ pub extern "C" fn pcc_driver_connect(
     or_fail(connect(), std::ptr::null_mut())
 }
 
-/// Leaves the robot's place; nothing where the pointer is null.
+/// Leaves the robot's place, which is to be done at rest alone; nothing where the pointer is null.
 #[unsafe(no_mangle)]
 pub extern "C" fn pcc_driver_free(driver: *mut Driver) {
     free(driver);
 }
 
-/// Waits for the next cycle and says what the motors are to do: 0, or -1 where it fails.
+/// Waits for the next cycle and says what the motors are to do in it: 1; 0 where it was shut down and the motors rest; -1 where it fails.
 #[unsafe(no_mangle)]
 pub extern "C" fn pcc_driver_next(driver: *mut Driver, targets: *mut MotorTargets) -> i32 {
     let next = || {
         let Driver(driver) = write(driver, "driver")?;
         let targets = write(targets, "targets")?;
-        *targets = driver.next_targets().into();
-        Ok(0)
+        let Some(next) = driver.next_targets() else {
+            return Ok(0);
+        };
+        *targets = next.into();
+        Ok(1)
     };
     or_fail(next(), -1)
 }
@@ -101,6 +104,27 @@ pub extern "C" fn pcc_driver_report(
         Ok(0)
     };
     or_fail(report(), -1)
+}
+
+/// Has Ctrl-C and SIGTERM do what `pcc_driver_shut_down` does, in place of ending the process in motion. 0, or -1 where it fails.
+#[unsafe(no_mangle)]
+pub extern "C" fn pcc_driver_shut_down_at_signals(driver: *const Driver) -> i32 {
+    let register = || {
+        let Driver(driver) = read(driver, "driver")?;
+        driver.shut_down_at_signals().map_err(ClientError::from)?;
+        Ok(0)
+    };
+    or_fail(register(), -1)
+}
+
+/// Ramps the motors to rest; go on with cycles until `pcc_driver_next` says 0. 0, or -1 where it fails.
+#[unsafe(no_mangle)]
+pub extern "C" fn pcc_driver_shut_down(driver: *const Driver) -> i32 {
+    let shut_down = || {
+        read(driver, "driver")?.0.shut_down();
+        Ok(0)
+    };
+    or_fail(shut_down(), -1)
 }
 
 /// Motors that stand at these lengths, or at 0 where the pointer is null.

@@ -24,6 +24,7 @@ pub use self::controller::{
 };
 pub use driver::{
     Driver, MotorTargets, pcc_driver_connect, pcc_driver_free, pcc_driver_next, pcc_driver_report,
+    pcc_driver_shut_down, pcc_driver_shut_down_at_signals,
 };
 pub use error::{ErrorKind, pcc_last_error, pcc_last_error_kind};
 pub use follower::{

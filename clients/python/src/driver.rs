@@ -12,7 +12,8 @@ use crate::error::raised;
 use crate::request::{options, robot};
 use crate::waiting::detached;
 
-/// Drives the motors of a robot, in cycles of 1 ms; it has the robot's place. As an iterator it gives what the motors are to do in each cycle.
+/// Drives the motors of a robot, in cycles of 1 ms; it has the robot's place. As an iterator it gives what the motors are to do in each
+/// cycle, until it was shut down and they rest.
 #[pyclass(unsendable, module = "pcc")]
 pub(crate) struct Driver(RobotDriver);
 
@@ -41,15 +42,23 @@ impl Driver {
         slf
     }
 
-    fn __next__(&mut self, py: Python<'_>) -> PyResult<Targets> {
+    fn __next__(slf: &Bound<'_, Self>) -> PyResult<Option<Targets>> {
+        let py = slf.py();
+        // Before it is borrowed: a handler may shut it down.
         py.check_signals()?;
-        Ok(Targets(detached(py, || self.0.next_targets())))
+        let driver = &mut *slf.try_borrow_mut()?;
+        Ok(detached(py, || driver.0.next_targets()).map(Targets))
     }
 
     /// Publishes what the motors did in this cycle: the measured lengths of the tendons, and whether the motors are in fault.
     #[pyo3(signature = (measured_m, *, fault=false))]
     fn report(&mut self, measured_m: TendonVector, fault: bool) {
         self.0.report(&measured_m, motor_fault(fault));
+    }
+
+    /// Ramps the motors to rest; the iterator then ends.
+    fn shut_down(&self) {
+        self.0.shut_down();
     }
 }
 

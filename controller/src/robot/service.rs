@@ -8,7 +8,7 @@ use std::{
     time::Duration,
 };
 
-use robot_driver::{DriverSettings, RobotConnection, RobotDriver};
+use robot_driver::{DriverSettings, MotorTargets, RobotConnection, RobotDriver};
 use shared_types::{
     clock::mono_now_ns,
     codes::MotorFault,
@@ -92,8 +92,10 @@ fn open_memory(options: &IpcOptions) -> Option<PoseMemory> {
 impl Process<'_> {
     fn serve(mut self) {
         info!(period_us = self.config.period_ns / 1_000, "robot begins");
-        while !self.switches.shutdown.load(Ordering::Relaxed) {
-            self.cycle();
+        while !self.switches.shutdown.load(Ordering::Relaxed)
+            && let Some(targets) = self.driver.next_targets()
+        {
+            self.cycle(&targets);
         }
         if let Some(memory) = self.memory
             && let Err(error) = memory.forget()
@@ -103,11 +105,10 @@ impl Process<'_> {
         info!("ended");
     }
 
-    fn cycle(&mut self) {
-        let targets = self.driver.next_targets();
+    fn cycle(&mut self, targets: &MotorTargets) {
         let stuck = self.switches.stuck.load(Ordering::Relaxed);
         let stuck_tendon = stuck.then_some(self.config.stuck_tendon);
-        let measured_m = self.motors.step(&targets, stuck_tendon);
+        let measured_m = self.motors.step(targets, stuck_tendon);
         if let Some(memory) = &mut self.memory {
             memory.remember(&targets.state());
         }

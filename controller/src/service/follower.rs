@@ -1,20 +1,18 @@
 //! The controller in a program that has a loop and motors of its own: everything but the set-points' way to the motors.
 
-use std::io;
-use std::sync::{
-    Arc,
-    atomic::{AtomicBool, Ordering},
-};
+use std::sync::{Arc, atomic::Ordering};
 use std::time::Duration;
 
-use robot_driver::{DrivenRobot, MotorTargets, ReferenceLimits, TendonState, TendonVector};
+use robot_driver::{
+    DrivenRobot, MotorTargets, ReferenceLimits, Shutdown, TendonState, TendonVector, no_handler,
+};
 use shared_types::{
     codes::{LoopState, MotorFault},
     ipc::{IpcError, IpcOptions},
     message::{RobotState, Setpoint},
 };
 
-use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
+use signal_hook::consts::SIGUSR1;
 use signal_hook::flag;
 
 use super::{
@@ -26,6 +24,9 @@ use super::{
 };
 use crate::executive::Commanded;
 
+/// Its name in errors.
+const SERVICE: &str = "controller";
+
 /// Follows the planner's trajectories in the controller's place, for a program that moves the motors itself: one call of
 /// [`Self::next_cycle`] and one of [`Self::report`] a cycle.
 ///
@@ -36,9 +37,7 @@ pub struct Follower {
     step: LoopStep,
     motors: Motors,
     deadlines: PeriodicDeadlines,
-    shutdown: Arc<AtomicBool>,
-    /// It was dropped: signals end the process again.
-    is_gone: Arc<AtomicBool>,
+    shutdown: Shutdown,
     services: LoopServices,
 }
 
@@ -86,9 +85,9 @@ impl Follower {
         motors: &TendonState,
     ) -> Result<Self, IpcError> {
         let (config, signals) = (Arc::new(config), Signals::default());
-        let shutdown = Arc::clone(&signals.shutdown);
+        let shutdown = Shutdown::asked_by(Arc::clone(&signals.shutdown));
         flag::register(SIGUSR1, Arc::clone(&signals.stop))
-            .map_err(|error| no_handler("SIGUSR1", &error))?;
+            .map_err(|error| no_handler(SERVICE, "SIGUSR1", &error))?;
         let (services, link) = LoopServices::start(&config, options, signals)?;
         robot_driver::claim_shared_memory(options)?;
         let period = Duration::from_nanos(config.executive.period_ns.unsigned_abs());
@@ -102,7 +101,6 @@ impl Follower {
             },
             deadlines: PeriodicDeadlines::from_now(config.executive.period_ns),
             shutdown,
-            is_gone: Arc::default(),
             services,
         })
     }
@@ -134,7 +132,7 @@ impl Follower {
 
     /// Stops the robot along its path; go on with cycles until there is none.
     pub fn shut_down(&self) {
-        self.shutdown.store(true, Ordering::Relaxed);
+        self.shutdown.ask();
     }
 
     /// Has Ctrl-C and SIGTERM do what [`Self::shut_down`] does, in place of ending the process in motion. Once it was dropped they end the process.
@@ -142,21 +140,7 @@ impl Follower {
     /// # Errors
     /// [`IpcError::Failed`] where the system refuses a handler.
     pub fn shut_down_at_signals(&self) -> Result<(), IpcError> {
-        for (name, signal) in [("SIGINT", SIGINT), ("SIGTERM", SIGTERM)] {
-            let [is_gone, shutdown] = [&self.is_gone, &self.shutdown].map(Arc::clone);
-            flag::register_conditional_default(signal, is_gone)
-                .and_then(|_| flag::register(signal, shutdown))
-                .map_err(|error| no_handler(name, &error))?;
-        }
-        Ok(())
-    }
-}
-
-fn no_handler(signal: &str, error: &io::Error) -> IpcError {
-    IpcError::Failed {
-        service: "controller".to_owned(),
-        what: "a signal's handler",
-        reason: format!("{signal}: {error}"),
+        self.shutdown.ask_at_signals(SERVICE)
     }
 }
 
@@ -164,6 +148,5 @@ impl Drop for Follower {
     fn drop(&mut self) {
         let ended = &self.services.shared().loop_has_ended;
         ended.store(true, Ordering::Release);
-        self.is_gone.store(true, Ordering::Relaxed);
     }
 }

@@ -17,8 +17,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let settings = DriverSettings::of(&robot);
     let connection = RobotConnection::open(&IpcOptions::from_env(), &robot, &settings)?;
     let mut driver = connection.drive_from(&TendonState::default());
-    loop {
-        let targets = driver.next_targets();
+    driver.shut_down_at_signals()?;
+    while let Some(targets) = driver.next_targets() {
         driver.report(&targets.position_m, MotorFault::None);
     }
+    Ok(())
 }

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use input_files::SettingsError;
 use robot_driver::{
-    DriverSettings, ReferenceLimits, RobotConnection, RobotDriver, TENDONS, TendonState,
-    TendonVector, longest_cycle_ns, off_configuration_m,
+    DriverSettings, MotorTargets, ReferenceLimits, RobotConnection, RobotDriver, TENDONS,
+    TendonState, TendonVector, longest_cycle_ns, off_configuration_m,
 };
 use shared_types::codes::MotorFault;
 use shared_types::ipc::{IpcError, IpcOptions};
@@ -247,12 +247,8 @@ fn time_of_a_round(
 
 impl Process {
     fn serve(mut self, shutdown: &AtomicBool) -> Result<(), DriverError> {
-        while !shutdown.load(Ordering::Relaxed) {
-            self.step();
-        }
-        self.driver.ramp_to_rest();
-        while !self.driver.is_at_rest() {
-            self.step();
+        while let Some(targets) = self.next_targets(shutdown) {
+            self.step(&targets);
         }
         // The servos hold while nobody talks to them.
         self.bus.set_u8(BUS_WATCHDOG, 0)?;
@@ -260,8 +256,14 @@ impl Process {
         Ok(())
     }
 
-    fn step(&mut self) {
-        let targets = self.driver.next_targets();
+    fn next_targets(&mut self, shutdown: &AtomicBool) -> Option<MotorTargets> {
+        if shutdown.load(Ordering::Relaxed) {
+            self.driver.shut_down();
+        }
+        self.driver.next_targets()
+    }
+
+    fn step(&mut self, targets: &MotorTargets) {
         let begun = Instant::now();
         if self.health.begin_cycle(begun) {
             self.marks_due = [true; TENDONS];

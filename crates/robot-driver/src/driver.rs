@@ -14,6 +14,7 @@ use tracing::debug;
 use crate::driven_robot::DrivenRobot;
 use crate::setpoint::{MotorTargets, ReferenceLimits, TendonState};
 use crate::shared_memory::claim_shared_memory;
+use crate::shutdown::Shutdown;
 use crate::tendon_vector::TendonVector;
 
 /// Time between two heartbeats, ns.
@@ -88,6 +89,7 @@ impl RobotConnection {
             deadline_ns: now_ns,
             instance: now_ns.unsigned_abs(),
             next_beat_ns: now_ns,
+            shutdown: Shutdown::default(),
             connection: self,
         }
     }
@@ -102,11 +104,19 @@ pub struct RobotDriver {
     /// Instance number: the time of the start, ns of CLOCK_MONOTONIC, which differs from that of every other robot.
     instance: u64,
     next_beat_ns: i64,
+    shutdown: Shutdown,
 }
 
 impl RobotDriver {
-    /// Waits for the next cycle, takes the newest set-point, and says what the motors are to do. Cycles that were missed are left out.
-    pub fn next_targets(&mut self) -> MotorTargets {
+    /// Waits for the next cycle, takes the newest set-point, and says what the motors are to do; none once it was shut down and they stand
+    /// still. Cycles that were missed are left out.
+    pub fn next_targets(&mut self) -> Option<MotorTargets> {
+        if self.shutdown.is_asked() {
+            if self.driven.is_at_rest() {
+                return None;
+            }
+            self.driven.ramp_to_rest();
+        }
         let period_ns = self.connection.settings.period.as_nanos() as i64;
         self.deadline_ns = (self.deadline_ns + period_ns).max(mono_now_ns());
         realtime::sleep_until(self.deadline_ns);
@@ -114,7 +124,7 @@ impl RobotDriver {
         // The clock is read after the set-point, whose stamp must not lie in the future because of a stall in between.
         let targets = self.driven.next_targets(mono_now_ns(), setpoint.as_ref());
         self.beat(targets.stamp_ns);
-        targets
+        Some(targets)
     }
 
     /// Publishes the robot's state: tendon lengths relative to straight as measured in this cycle, m (those beyond the robot's tendons are 0),
@@ -126,15 +136,17 @@ impl RobotDriver {
         }
     }
 
-    /// Ramps to rest from now on, as a driver does before it ends; cycles go on until [`Self::is_at_rest`].
-    pub fn ramp_to_rest(&mut self) {
-        self.driven.ramp_to_rest();
+    /// Ramps the motors to rest; go on with cycles until there are no targets.
+    pub fn shut_down(&self) {
+        self.shutdown.ask();
     }
 
-    /// Whether the motors are to stand still.
-    #[must_use]
-    pub fn is_at_rest(&self) -> bool {
-        self.driven.is_at_rest()
+    /// Has Ctrl-C and SIGTERM do what [`Self::shut_down`] does, in place of ending the process in motion. Once it was dropped they end the process.
+    ///
+    /// # Errors
+    /// [`IpcError::Failed`] where the system refuses a handler.
+    pub fn shut_down_at_signals(&self) -> Result<(), IpcError> {
+        self.shutdown.ask_at_signals("robot")
     }
 
     fn beat(&mut self, now_ns: i64) {

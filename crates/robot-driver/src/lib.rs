@@ -10,11 +10,12 @@
 //! # fn drive(robot: &Robot, mut motors: impl FnMut(&[f64; 9]) -> [f64; 9]) -> Result<(), IpcError> {
 //! let connection = RobotConnection::open(&IpcOptions::from_env(), robot, &DriverSettings::of(robot))?;
 //! let mut driver = connection.drive_from(&TendonState::default());
-//! loop {
-//!     let targets = driver.next_targets();
+//! driver.shut_down_at_signals()?;
+//! while let Some(targets) = driver.next_targets() {
 //!     let measured_m = motors(&targets.position_m);
 //!     driver.report(&measured_m, MotorFault::None);
 //! }
+//! # Ok(())
 //! # }
 //! ```
 
@@ -24,6 +25,7 @@ mod driver;
 mod reference;
 mod setpoint;
 mod shared_memory;
+mod shutdown;
 mod tendon_vector;
 
 pub use config::{ConfigError, check_loop, robot_of};
@@ -32,4 +34,5 @@ pub use driver::{DriverSettings, RobotConnection, RobotDriver};
 pub use reference::{FAULT_SILENCE_NS, Reference};
 pub use setpoint::{Mode, MotorTargets, ReferenceLimits, Refusal, TendonState, longest_cycle_ns};
 pub use shared_memory::claim_shared_memory;
+pub use shutdown::{Shutdown, no_handler};
 pub use tendon_vector::{TENDONS, TendonVector};

@@ -49,6 +49,14 @@ pub(crate) fn median(values: &[f64]) -> f64 {
     Spread::of(values).median
 }
 
+/// The smallest value that half of all do not exceed, as histograms have it; NaN of no values.
+pub(crate) fn lower_median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let middle = sorted.len().saturating_sub(1) / 2;
+    sorted.get(middle).copied().unwrap_or(f64::NAN)
+}
+
 #[cfg(test)]
 mod unit {
     use super::*;
@@ -65,5 +73,7 @@ mod unit {
         assert_eq!([median, p90, p99, max], [500.0, 900.0, 990.0, 1000.0]);
         assert!(Spread::of(&[]).median.is_nan());
         assert_eq!(super::median(&[2.0, 1.0]), 2.0);
+        assert_eq!(lower_median(&[2.0, 1.0]), 1.0);
+        assert!(lower_median(&[]).is_nan());
     }
 }

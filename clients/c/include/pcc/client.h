@@ -378,14 +378,15 @@ PccDriver *pcc_driver_connect(const char *prefix,
                               const double *position_m);
 
 /*
- Leaves the robot's place; nothing where the pointer is null.
+ Leaves the robot's place, which is to be done at rest alone; nothing where the pointer is null.
  */
 void pcc_driver_free(PccDriver *driver);
 
 /*
- Waits for the next cycle and says what the motors are to do: 0, or -1 where it fails.
+ Waits for the next cycle and says what the motors are to do in it: 1; 0 where it was shut down and the motors rest; -1 where it fails.
  */
-int32_t pcc_driver_next(PccDriver *driver, PccMotorTargets *targets);
+int32_t pcc_driver_next(PccDriver *driver,
+                        PccMotorTargets *targets);
 
 /*
  Publishes what the motors did in this cycle: 9 measured lengths of the tendons relative to the straight robot, metres, and a
@@ -394,6 +395,16 @@ int32_t pcc_driver_next(PccDriver *driver, PccMotorTargets *targets);
 int32_t pcc_driver_report(PccDriver *driver,
                           const double *measured_m,
                           uint32_t fault);
+
+/*
+ Has Ctrl-C and SIGTERM do what `pcc_driver_shut_down` does, in place of ending the process in motion. 0, or -1 where it fails.
+ */
+int32_t pcc_driver_shut_down_at_signals(const PccDriver *driver);
+
+/*
+ Ramps the motors to rest; go on with cycles until `pcc_driver_next` says 0. 0, or -1 where it fails.
+ */
+int32_t pcc_driver_shut_down(const PccDriver *driver);
 
 /*
  Takes the controller's place by a configuration file like `config/controller.toml`, with motors that stand at `position_m` (9 lengths of

@@ -154,23 +154,26 @@ class RobotView {
   detail::Owned<PccRobotView, pcc_robot_free> view_;
 };
 
-/// Drives the motors of the robot of a robot file, in cycles of 1 ms; it has the robot's place.
+/// Drives the motors of the robot of a robot file, in cycles of 1 ms; it has the robot's place. Destroy it at rest alone.
 class Driver {
  public:
   /// Motors that stand at these lengths of their tendons relative to the straight robot, metres (null: 0).
   explicit Driver(const char *robot_file, const std::array<double, 9> *position_m = nullptr, Place place = {})
       : driver_(detail::not_null(
             pcc_driver_connect(place.prefix, place.root, robot_file, position_m ? position_m->data() : nullptr))) {}
-  /// Waits for the next cycle.
-  PccMotorTargets next() {
+  /// Waits for the next cycle; none once it was shut down and the motors rest.
+  std::optional<PccMotorTargets> next() {
     PccMotorTargets targets;
-    detail::is_one(pcc_driver_next(driver_.get(), &targets));
-    return targets;
+    return detail::is_one(pcc_driver_next(driver_.get(), &targets)) ? std::optional(targets) : std::nullopt;
   }
   /// Publishes what the motors did in it.
   void report(std::span<const double, 9> measured_m, PccMotorFault fault = PCC_MOTOR_FAULT_NONE) {
     detail::is_one(pcc_driver_report(driver_.get(), measured_m.data(), fault));
   }
+  /// Has Ctrl-C and SIGTERM do what `shut_down` does, in place of ending the process in motion.
+  void shut_down_at_signals() { detail::is_one(pcc_driver_shut_down_at_signals(driver_.get())); }
+  /// Ramps the motors to rest; go on with cycles until there are no targets.
+  void shut_down() { detail::is_one(pcc_driver_shut_down(driver_.get())); }
 
  private:
   detail::Owned<PccDriver, pcc_driver_free> driver_;

@@ -1,9 +1,10 @@
 //! Other programs joined to the processes: by the wire alone, in other languages.
 
 mod client_kills;
-mod ended_followers;
+mod ended_loops;
 mod examples;
 mod guides;
+mod heard_trips;
 mod languages;
 mod lines;
 mod other_robots;
@@ -35,13 +36,14 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     |report, _| servo_faults::run(report),
     transport::run,
     |report, _| stamps::run(report),
+    |report, _| heard_trips::run(report),
     python::run,
     records::run,
 ];
 
 fn of_language(examples: &Examples, report: &mut Report, scale: Scale) {
     examples.run(report);
-    ended_followers::run(examples, report);
+    ended_loops::run(examples, report);
     other_robots::run(examples, report);
     other_services::run(examples, report);
     client_kills::run(examples, report, scale);

@@ -6,7 +6,7 @@ pub(super) const DIGITS: f64 = 1e-3;
 /// A reply by the stamps of `pcc latency --stamps FILE`, nanoseconds; in a closed loop it is sent when it is due.
 pub(super) struct StampedReply {
     pub(super) due_ns: i64,
-    answered_ns: i64,
+    pub(super) answered_ns: i64,
 }
 
 impl StampedReply {

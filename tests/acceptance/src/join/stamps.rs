@@ -20,7 +20,7 @@ use tests::world::{Settings, World};
 use super::stamped_replies::{DIGITS, StampedReply};
 use super::transport::{daemon, latency};
 use crate::report::Report;
-use crate::spread::median;
+use crate::spread::{lower_median, median};
 
 /// The other program looks for an answer at least so often, as `pcc` does.
 const LONGEST_SLEEP: Duration = Duration::from_millis(2);
@@ -82,13 +82,6 @@ fn stamps(report: &mut Report) -> anyhow::Result<()> {
     let line = "latency: |told ÷ measured − 1| of the medians of all turns together";
     report.at_most(line, (pooled - 1.0).abs(), 0.02);
     Ok(())
-}
-
-/// The smallest value that half of all do not exceed, as histograms have it.
-fn lower_median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted[(sorted.len() - 1) / 2]
 }
 
 /// What a run of `pcc latency` tells.
