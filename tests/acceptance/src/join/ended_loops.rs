@@ -33,8 +33,6 @@ struct Loop {
     file: &'static str,
     /// What else moves the robot.
     beside: &'static [Part],
-    /// How a motion ends whose loop ends.
-    outcome: MotionOutcome,
     /// What it has the tendons do, as it tells.
     moves: fn(&Heard) -> Vec<TendonMotion>,
 }
@@ -44,14 +42,12 @@ const LOOPS: [Loop; 2] = [
         example: "follow",
         file: "controller.toml",
         beside: &[Part::Daemon],
-        outcome: MotionOutcome::Stopped,
         moves: |heard| heard.cycles.iter().map(TendonMotion::from).collect(),
     },
     Loop {
         example: "drive",
         file: "robots/unit.toml",
         beside: &[Part::Daemon, Part::Controller],
-        outcome: MotionOutcome::Stopped,
         moves: since_the_last_setpoint,
     },
 ];
@@ -134,7 +130,7 @@ impl Loop {
         );
         let heard = listener.take();
         let result = heard.results.iter().find(|it| it.trajectory_id == id);
-        let is_so = result.is_some_and(|it| it.outcome == self.outcome.code());
+        let is_stopped = result.is_some_and(|it| it.outcome == MotionOutcome::Stopped.code());
         let result = result.map_or_else(|| "no result".to_owned(), |it| it.reason.to_string());
         let moves = (self.moves)(&heard);
         let used = acceleration_use(&moves, stack.world.robot.tendon_limits.acceleration);
@@ -149,13 +145,12 @@ impl Loop {
                 self.example
             )),
             format!(
-                "{status}; {}{}: {result}; {used:.4}, {}",
-                if is_so { "" } else { "not " },
-                self.outcome,
+                "{status}; {}: {result}; {used:.4}, {}",
+                if is_stopped { "stopped" } else { "not stopped" },
                 if rests { "at rest" } else { "in motion" }
             ),
-            &format!("success, {}, <= {ALLOWED_USE}, at rest", self.outcome),
-            status.success() && heard_end.is_ok() && is_so && rests && fastest > MOVING_M_S && used <= ALLOWED_USE,
+            &format!("success, stopped, <= {ALLOWED_USE}, at rest"),
+            status.success() && heard_end.is_ok() && is_stopped && rests && fastest > MOVING_M_S && used <= ALLOWED_USE,
         );
         Ok(())
     }
