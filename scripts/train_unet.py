@@ -18,7 +18,7 @@ from safetensors import safe_open
 from torch import nn
 
 from scene_symmetries import Symmetries, moved
-from unet_model import STEPS, TemporalUnet, cosine_schedule, metadata
+from unet_model import ARCHITECTURE, STEPS, TemporalUnet, cosine_schedule, metadata
 from weights_export import record_of, this_machine, write_weights
 
 WARM_UP_UPDATES = 500
@@ -266,10 +266,11 @@ def state_of(source, device):
     if source.suffix != ".safetensors":
         return torch.load(source, map_location=device, weights_only=True)
     with safe_open(source, "pt", device=str(device)) as file:
-        tensors = {name: file.get_tensor(name) for name in file.keys()}
-        updates = int(file.metadata()["updates"])
+        facts, tensors = file.metadata() or {}, {name: file.get_tensor(name) for name in file.keys()}
+    if facts.get("architecture") != ARCHITECTURE:
+        raise SystemExit(f"{source} has weights of {facts.get('architecture')}, and those of {ARCHITECTURE} are needed")
     scale = {name: tensors.pop(name) for name in SCALE_TENSORS}
-    return {"average": tensors, "scale": scale, "updates": updates}
+    return {"average": tensors, "scale": scale, "updates": int(facts["updates"])}
 
 
 def begin(arguments, device):

@@ -34,14 +34,16 @@ pub const SERVOS: usize = 9;
 pub const IDS: [u8; SERVOS] = [1, 2, 3, 4, 5, 6, 7, 8, 9];
 /// Priority of the thread that answers, above all processes of a robot.
 const PRIORITY: u8 = 90;
-/// Cycles of the driver a second: half of a shared machine's two processors is not enough for more.
-const RATE_HZ: i64 = 250;
-/// Lag of the motors: two over their frequency, and half a cycle.
-const LAG_MS: f64 = 15.3;
-/// The servos' watchdog, ms: bytes on a pseudo-terminal wait for the kernel now and then.
-const WATCHDOG_MS: i64 = 100;
-/// Speed of homing, turns a minute.
-const HOME_SPEED_RPM: f64 = 10.0;
+/// What a configuration for the servos says that the shipped one does not.
+const SETTINGS: [(&str, Value); 4] = [
+    // Half of a shared machine's two processors is not enough for more.
+    ("rate_hz", Value::Integer(250)),
+    // Two over the motors' frequency, and half a cycle.
+    ("lag_ms", Value::Float(15.3)),
+    // Bytes on a pseudo-terminal wait for the kernel now and then.
+    ("bus_watchdog_ms", Value::Integer(100)),
+    ("home_speed_rpm", Value::Float(10.0)),
+];
 /// Step of the motors' motion.
 const STEP: Duration = Duration::from_micros(500);
 /// The line's link in the bank's folder.
@@ -170,9 +172,9 @@ impl ServoBank {
     /// The settings of [`ServoBank::write_config`] that are not the shipped ones, beside what names robot and line.
     #[must_use]
     pub fn settings() -> String {
-        format!(
-            "rate_hz {RATE_HZ}, bus_watchdog_ms {WATCHDOG_MS}, lag_ms {LAG_MS}, home_speed_rpm {HOME_SPEED_RPM}"
-        )
+        SETTINGS
+            .map(|(name, value)| format!("{name} {value}"))
+            .join(", ")
     }
 
     /// Writes a configuration of `dynamixel-robot` for these servos, which count as silent after the shipped time if `silent_ms` is none.
@@ -188,11 +190,8 @@ impl ServoBank {
             ("servo_ids".to_owned(), ids.to_vec().into()),
             ("directions".to_owned(), vec![Value::from(1); SERVOS].into()),
             ("baud".to_owned(), i64::from(lock(&self.bank).baud).into()),
-            ("rate_hz".to_owned(), RATE_HZ.into()),
-            ("lag_ms".to_owned(), LAG_MS.into()),
-            ("bus_watchdog_ms".to_owned(), WATCHDOG_MS.into()),
-            ("home_speed_rpm".to_owned(), HOME_SPEED_RPM.into()),
         ]);
+        config.extend(SETTINGS.map(|(name, value)| (name.to_owned(), value)));
         config.extend(silent_ms.map(|silent_ms| ("silent_ms".to_owned(), silent_ms.into())));
         fs::write(file, config.to_string()).unwrap();
     }

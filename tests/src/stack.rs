@@ -1,5 +1,6 @@
 //! The three processes of one robot, and how to make them move.
 
+use std::path::Path;
 use std::process::Stdio;
 use std::thread::{scope, sleep};
 use std::time::Duration;
@@ -59,6 +60,13 @@ impl Part {
     pub fn start(self, world: &World) -> Process {
         let config = self.config(world);
         Process::start(world, self.program(), &["--config", &config])
+    }
+
+    /// Starts it as a folder's build of it.
+    #[must_use]
+    pub fn start_built(self, world: &World, folder: &Path) -> Process {
+        let (program, config) = (folder.join(self.program()), self.config(world));
+        Process::start_program(world, &program, &["--config", &config])
     }
 
     /// Starts it with another standard error.

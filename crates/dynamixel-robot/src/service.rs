@@ -1,11 +1,10 @@
 //! The driver's process: one loop that writes goals and reads states.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use input_files::SettingsError;
 use robot_driver::{
-    DriverSettings, MotorTargets, ReferenceLimits, RobotConnection, RobotDriver, TENDONS,
+    DriverSettings, MotorTargets, ReferenceLimits, RobotConnection, RobotDriver, Shutdown, TENDONS,
     TendonState, TendonVector, longest_cycle_ns, off_configuration_m,
 };
 use shared_types::codes::MotorFault;
@@ -107,7 +106,7 @@ struct Process {
 pub fn run(
     config: &DynamixelConfig,
     options: &IpcOptions,
-    shutdown: &AtomicBool,
+    shutdown: Shutdown,
 ) -> Result<(), DriverError> {
     let settings = DriverSettings {
         period: config.period,
@@ -143,7 +142,7 @@ pub fn run(
         .max(3 * rounds * config.period)
         .max((rounds + 1) * longest_cycle);
     let process = Process {
-        driver: connection.drive_from(&state),
+        driver: connection.drive_until(shutdown, &state),
         health: Health::new(bus.count(), silent_after, longest_cycle, Instant::now()),
         told: (MotorFault::None, false),
         mark: home.mark,
@@ -168,7 +167,7 @@ pub fn run(
     if let Err(refused) = realtime::reduce_wakeup_latency() {
         warn!("{refused}");
     }
-    process.serve(shutdown)
+    process.serve()
 }
 
 /// Checks that no servo was without power since homing.
@@ -246,21 +245,14 @@ fn time_of_a_round(
 }
 
 impl Process {
-    fn serve(mut self, shutdown: &AtomicBool) -> Result<(), DriverError> {
-        while let Some(targets) = self.next_targets(shutdown) {
+    fn serve(mut self) -> Result<(), DriverError> {
+        while let Some(targets) = self.driver.next_targets() {
             self.step(&targets);
         }
         // The servos hold while nobody talks to them.
         self.bus.set_u8(BUS_WATCHDOG, 0)?;
         info!("ended");
         Ok(())
-    }
-
-    fn next_targets(&mut self, shutdown: &AtomicBool) -> Option<MotorTargets> {
-        if shutdown.load(Ordering::Relaxed) {
-            self.driver.shut_down();
-        }
-        self.driver.next_targets()
     }
 
     fn step(&mut self, targets: &MotorTargets) {

@@ -83,13 +83,19 @@ impl RobotConnection {
     /// that fits theirs best, for the controller begins only at a configuration.
     #[must_use]
     pub fn drive_from(self, state: &TendonState) -> RobotDriver {
+        self.drive_until(Shutdown::default(), state)
+    }
+
+    /// As [`Self::drive_from`], for a program that can be asked to end before the robot is driven.
+    #[must_use]
+    pub fn drive_until(self, shutdown: Shutdown, state: &TendonState) -> RobotDriver {
         let now_ns = mono_now_ns();
         RobotDriver {
             driven: DrivenRobot::new(&self.robot, self.settings.limits, state),
             deadline_ns: now_ns,
             instance: now_ns.unsigned_abs(),
             next_beat_ns: now_ns,
-            shutdown: Shutdown::default(),
+            shutdown,
             connection: self,
         }
     }

@@ -2,15 +2,12 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
 use clap::Parser;
 use dynamixel_robot::{DynamixelConfig, run};
+use robot_driver::Shutdown;
 use shared_types::ipc::IpcOptions;
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
 
 /// Drives a robot whose tendons are wound by Dynamixel servos (X series, protocol 2.0), in the simulated robot's place.
 ///
@@ -19,7 +16,7 @@ use signal_hook::flag;
 ///
 /// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default ~/.pcc-services where that exists, else
 /// /dev/shm/pcc-UID) name the robot's shared memory; RUST_LOG sets the log level on stderr (default info). SIGTERM and
-/// SIGINT end it with exit 0: the servos hold where they are.
+/// SIGINT end it with exit 0: the tendons ramp to rest, and the servos hold where they are.
 #[derive(Parser)]
 #[command(version, verbatim_doc_comment)]
 struct Arguments {
@@ -40,10 +37,8 @@ fn start() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     logging::start().context("cannot start to log")?;
     let config = DynamixelConfig::from_file(&arguments.config)?;
-    let shutdown = Arc::<AtomicBool>::default();
-    for signal in [SIGTERM, SIGINT] {
-        flag::register(signal, Arc::clone(&shutdown)).context("cannot handle signals")?;
-    }
-    run(&config, &IpcOptions::from_env(), &shutdown)?;
+    let shutdown = Shutdown::default();
+    shutdown.ask_at_signals("robot")?;
+    run(&config, &IpcOptions::from_env(), shutdown)?;
     Ok(())
 }

@@ -153,11 +153,10 @@ impl Guide {
         ensure!(!commands.is_empty(), "{} has no commands", self.page);
         let mut stack = Stack::new(&Settings::default());
         let mut results = ResultView::watch(&stack.world.options)?;
-        let before = self
-            .before
-            .iter()
-            .map(|part| start_built(root, *part, &stack));
-        let _before: Vec<Process> = before.collect::<anyhow::Result<_>>()?;
+        let built = root.join("target/release");
+        let before = self.before.iter();
+        let before = before.map(|part| part.start_built(&stack.world, &built));
+        let _before: Vec<Process> = before.collect();
         if self.before == Part::ALL {
             stack.wait_until_ready()?;
         }
@@ -223,19 +222,6 @@ impl Guide {
         report.all_of(&line, joined.count(), joining);
         Ok(())
     }
-}
-
-/// Starts a process that the newcomer has built.
-fn start_built(root: &Path, part: Part, stack: &Stack) -> anyhow::Result<Process> {
-    let (world, program) = (&stack.world, part.program());
-    let config = world.config(&format!("{program}.toml"));
-    let config = config.to_str().context("path")?;
-    let program = root.join("target/release").join(program);
-    Ok(Process::start_program(
-        world,
-        &program,
-        &["--config", config],
-    ))
 }
 
 /// What a page says of what a command prints.
