@@ -54,9 +54,9 @@ while True:
         order.send_copy(wire.new("CommandReply", command_id=order.payload().contents.command_id, **reply))
     state.wanted_from_mono_ns = state.goals_from_mono_ns = now if stops else state.wanted_from_mono_ns
     for new in every(trajectories):
-        wrong = {"OtherController": new.controller_instance != begun, "OtherDaemon": new.daemon_instance != robot.instance, "Busy": motion is not None,
-                 "OtherRobot": new.robot_hash != robot.robot_hash, "RequestedBefore": new.requested_mono_ns <= state.wanted_from_mono_ns,
-                 "StartsElsewhere": new.start != 0 or not np.allclose(new.knots[0].configuration_rad, state.commanded_configuration_rad, 0.0, 1e-6)}  # fmt: skip
+        wrong = {"OtherController": new.controller_instance != begun, "OtherDaemon": new.daemon_instance != robot.instance, "Busy": bool(motion),
+            "OtherRobot": new.robot_hash != robot.robot_hash, "RequestedBefore": new.requested_mono_ns <= state.wanted_from_mono_ns,
+            "StartsElsewhere": new.start or not np.allclose(new.knots[0].configuration_rad, state.commanded_configuration_rad, 0, 1e-6)}  # fmt: skip
         if refusals := [name for name, is_wrong in wrong.items() if is_wrong]:
             state.refused_trajectory_id, state.refusal = new.trajectory_id, wire.code("Refusal", refusals[0])
             tell(new, "Refused", refusal=state.refusal)

@@ -46,8 +46,9 @@ class Wire:
 
     def __init__(self, description=DESCRIPTION, prefix=None, root=None):
         self.description = json.loads(Path(description).read_text())
-        self.prefix = prefix or os.environ.get("PCC_PREFIX", "pcc")
-        self.root = str(root or os.environ.get("PCC_ROOT") or default_root())
+        names = self.description["names"]
+        self.prefix = prefix or os.environ.get("PCC_PREFIX", names["default_prefix"])
+        self.root = str(root or os.environ.get("PCC_ROOT") or default_root(names["default_roots"]))
         self.services = {service["name"]: service for service in self.description["services"]}
         self.types = {}
         config = iox2.config.default()
@@ -103,12 +104,12 @@ class Wire:
         return next((value["text"] for value in values if value["code"] == code), f"unknown ({code})")
 
     def service(self, name):
-        """A service, opened or created with the settings that wire.json has; `plan` is made by the daemon alone."""
+        """A service, opened or created with the settings that wire.json has; one that a process alone makes is opened."""
         service = self.services[name]
         builder = self.node.service_builder(iox2.ServiceName.new(f"{self.prefix}/{name}"))
         builder = getattr(self, service["pattern"])(builder, service)
         try:
-            if name == "plan":
+            if "made_by" in service:
                 return builder.open()
             for setting, value in service.items():
                 method = getattr(builder, METHODS.get(setting, setting), None)
@@ -157,15 +158,16 @@ def in_words(types):
     return f"{protocol}: " + ", ".join(f"{name} ({size} bytes, alignment {alignment})" for name, size, alignment in types)
 
 
-def default_root():
-    """Where the services are, as docs/wire.md says."""
-    home = Path.home() / ".pcc-services"
-    return home if home.is_dir() else Path(f"/dev/shm/pcc-{os.getuid()}")
+def default_root(roots):
+    """The first of these folders that is there, or else the last."""
+    roots = [Path(root.replace("UID", str(os.getuid()))).expanduser() for root in roots]
+    return next((root for root in roots if root.is_dir()), roots[-1])
 
 
 def take_role(wire, role):
     """The lock of a role, `robot` or `controller`, which one process has at a time; it is held for as long as it is kept."""
-    lock = open(f"{wire.root}/{wire.prefix}.{role}.lock", "a+")
+    parts = {"ROOT": wire.root, "PREFIX": wire.prefix, "ROLE": role}
+    lock = open(re.sub("|".join(parts), lambda part: parts[part[0]], wire.description["names"]["role_lock"]), "a+")
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

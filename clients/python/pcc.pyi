@@ -139,7 +139,7 @@ class Targets:
 
 class Driver:
     """Drives the motors of a robot, in cycles of 1 ms; it has the robot's place. Iterated, it gives what they are to do in each cycle, until
-    it was shut down and they rest."""
+    it was shut down and they rest. It is to be left at rest alone: have a signal's handler call `shut_down`, as Ctrl-C otherwise raises in motion."""
 
     def __init__(
         self, robot_file: str, position_m: Sequence[float] = (0.0,) * 9, prefix: str | None = None, root: str | None = None

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 use tests::outside::pcc;
+use tests::process::Process;
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 
@@ -115,6 +116,19 @@ fn a_load_beyond_the_daemon_counts_from_when_it_was_due() {
     let late = times["late to be sent"]["max"].as_f64().unwrap();
     let longest = times["round trip"]["max"].as_f64().unwrap();
     assert!(late > 1.0 && longest > late, "{figures}");
+}
+
+#[test]
+fn a_controller_that_dies_under_the_load_is_told() {
+    let mut stack = stack();
+    let load = ["latency", "--rate", "10", "--requests", "60"];
+    let mut measuring = Process::start(&stack.world, "pcc", &load);
+    std::thread::sleep(Duration::from_secs(3));
+    stack.kill9(Part::Controller);
+    let status = measuring.wait(LIMIT).unwrap();
+    let said = measuring.log();
+    let is_told = said.contains("the controller ended under the load");
+    assert!(!status.success() && is_told, "{said}");
 }
 
 #[test]

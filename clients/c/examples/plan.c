@@ -1,5 +1,6 @@
 /* Has a motion to a tip planned and executed, and waits for its result: plan X Y Z, metres in the base frame. */
 #include <pcc/client.h>
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -14,7 +15,7 @@ int main(int count, char **argument) {
   PccAnswer *answer = pcc_plan(client, &request, 5.0);
   if (!answer) return fprintf(stderr, "%s\n", pcc_last_error()), 1;
   const PccPlanReport *report = pcc_answer_report(answer);
-  printf("%s: %.*s; hash %016llx\n", pcc_text("Outcome", report->outcome), (int)report->reason.length, report->reason.utf8, (unsigned long long)report->plan_hash);
+  printf("%s: %.*s; hash %016" PRIx64 "\n", pcc_text("Outcome", report->outcome), (int)report->reason.length, report->reason.utf8, report->plan_hash);
   PccMotionResult result;
   if (!report->trajectory_id || pcc_results_wait(results, report->trajectory_id, 60.0, &result) != 1) return fprintf(stderr, "no result\n"), 1;
   printf("trajectory %u: %s\n", result.trajectory_id, pcc_text("MotionOutcome", result.outcome));

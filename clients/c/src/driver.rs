@@ -91,7 +91,7 @@ pub extern "C" fn pcc_driver_next(driver: *mut Driver, targets: *mut MotorTarget
 }
 
 /// Publishes what the motors did in this cycle: 9 measured lengths of the tendons relative to the straight robot, metres, and a
-/// `PccMotorFault`. 0, or -1 where it fails.
+/// `PccMotorFault`; one that cannot be sent is left out. 0, or -1 where an argument is not allowed.
 #[unsafe(no_mangle)]
 pub extern "C" fn pcc_driver_report(
     driver: *mut Driver,
@@ -108,9 +108,9 @@ pub extern "C" fn pcc_driver_report(
 
 /// Has Ctrl-C and SIGTERM do what `pcc_driver_shut_down` does, in place of ending the process in motion. 0, or -1 where it fails.
 #[unsafe(no_mangle)]
-pub extern "C" fn pcc_driver_shut_down_at_signals(driver: *const Driver) -> i32 {
+pub extern "C" fn pcc_driver_shut_down_at_signals(driver: *mut Driver) -> i32 {
     let register = || {
-        let Driver(driver) = read(driver, "driver")?;
+        let Driver(driver) = write(driver, "driver")?;
         driver.shut_down_at_signals().map_err(ClientError::from)?;
         Ok(0)
     };

@@ -12,7 +12,8 @@ use shared_types::valid::Invalid;
 pub enum ErrorKind {
     /// None has failed.
     None = 0,
-    /// A pointer is null, a text is no UTF-8, or a number is not allowed.
+    /// A pointer is null, a text is no UTF-8, a number or a code is not allowed, there is no such candidate, or a file (of a robot, of settings)
+    /// or a configuration is refused.
     Argument = 1,
     /// The request is not valid: the text names the field and what is allowed.
     InvalidRequest = 2,

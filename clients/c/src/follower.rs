@@ -109,9 +109,9 @@ pub extern "C" fn pcc_follower_report(
 
 /// Has Ctrl-C and SIGTERM do what `pcc_follower_shut_down` does, in place of ending the process in motion. 0, or -1 where it fails.
 #[unsafe(no_mangle)]
-pub extern "C" fn pcc_follower_shut_down_at_signals(follower: *const Follower) -> i32 {
+pub extern "C" fn pcc_follower_shut_down_at_signals(follower: *mut Follower) -> i32 {
     let register = || {
-        let Follower(follower) = read(follower, "follower")?;
+        let Follower(follower) = write(follower, "follower")?;
         follower.shut_down_at_signals().map_err(ClientError::from)?;
         Ok(0)
     };

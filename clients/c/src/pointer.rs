@@ -73,8 +73,13 @@ pub(crate) fn options(prefix: *const c_char, root: *const c_char) -> Outcome<Ipc
 
 /// The seconds that a call may take.
 pub(crate) fn time_limit(timeout_s: f64) -> Outcome<Duration> {
-    let refused = || Failure::argument(format!("timeout_s is {timeout_s}; allowed is >= 0"));
-    Duration::try_from_secs_f64(timeout_s).map_err(|_| refused())
+    duration("timeout_s", timeout_s)
+}
+
+/// The seconds that an argument says.
+pub(crate) fn duration(name: &str, seconds: f64) -> Outcome<Duration> {
+    let refused = |_| Failure::argument(format!("{name} is {seconds}; allowed is finite, >= 0"));
+    Duration::try_from_secs_f64(seconds).map_err(refused)
 }
 
 /// A new value for C, which frees it by [`free`].

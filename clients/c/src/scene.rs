@@ -6,7 +6,7 @@ use client::ScenePublisher;
 use shared_types::message::MovingBall;
 
 use crate::error::or_fail;
-use crate::pointer::{array, free, give, options, text, time_limit, write};
+use crate::pointer::{array, duration, free, give, options, text, time_limit, write};
 
 /// Publishes what one source knows of the obstacles.
 pub struct Scene(ScenePublisher);
@@ -43,7 +43,10 @@ pub extern "C" fn pcc_scene_publish(
 ) -> i32 {
     let publish = || {
         let Scene(scene) = write(scene, "scene")?;
-        scene.publish(array(balls, count, "balls")?, time_limit(lifetime_s)?)?;
+        scene.publish(
+            array(balls, count, "balls")?,
+            duration("lifetime_s", lifetime_s)?,
+        )?;
         Ok(0)
     };
     or_fail(publish(), -1)

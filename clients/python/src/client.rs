@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use shared_types::valid::{PlanRequest, PlannedExecution};
 
 use crate::answer::Answer;
-use crate::error::{raised, time_limit};
+use crate::error::{duration, raised};
 use crate::request::{balls, goal, options, robot};
 use crate::waiting::wait;
 
@@ -64,7 +64,9 @@ impl Client {
             seed,
             execute,
             limits_scale,
-            deadline: deadline.map(time_limit).transpose()?,
+            deadline: deadline
+                .map(|deadline| duration("deadline", deadline))
+                .transpose()?,
             ..from
         };
         wait(py, timeout, |limit| self.0.plan(&request, limit)).map(Answer::from)

@@ -22,8 +22,9 @@ pub(crate) fn raised(error: ClientError) -> PyErr {
     }
 }
 
-/// Seconds that a call may take.
-pub(crate) fn time_limit(timeout: f64) -> PyResult<Duration> {
-    let refused = |_| PyValueError::new_err(format!("timeout is {timeout}; allowed is >= 0"));
-    Duration::try_from_secs_f64(timeout).map_err(refused)
+/// The seconds that an argument says.
+pub(crate) fn duration(name: &str, seconds: f64) -> PyResult<Duration> {
+    let refused =
+        |_| PyValueError::new_err(format!("{name} is {seconds}; allowed is finite, >= 0"));
+    Duration::try_from_secs_f64(seconds).map_err(refused)
 }

@@ -3,7 +3,7 @@
 use ::client::ScenePublisher;
 use pyo3::prelude::*;
 
-use crate::error::{raised, time_limit};
+use crate::error::{duration, raised};
 use crate::request::{moving_balls, options};
 use crate::waiting::{detached, wait};
 
@@ -23,7 +23,7 @@ impl Scene {
 
     /// Publishes all balls that the source knows of now (x, y, z, radius, metres; vx, vy, vz, m/s); they count for `lifetime` seconds.
     fn publish(&mut self, py: Python<'_>, balls: Vec<[f64; 7]>, lifetime: f64) -> PyResult<()> {
-        let (balls, lifetime) = (moving_balls(&balls), time_limit(lifetime)?);
+        let (balls, lifetime) = (moving_balls(&balls), duration("lifetime", lifetime)?);
         detached(py, || self.0.publish(&balls, lifetime)).map_err(raised)
     }
 

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use ::client::{ClientError, TimeLimit};
 use pyo3::prelude::*;
 
-use crate::error::{raised, time_limit};
+use crate::error::{duration, raised};
 
 /// A value that stays in its thread.
 struct OfThisThread<T>(T);
@@ -32,7 +32,7 @@ pub(crate) fn wait<T>(
     timeout: f64,
     wait: impl FnOnce(TimeLimit<'_>) -> Result<T, ClientError>,
 ) -> PyResult<T> {
-    let limit = TimeLimit::new(time_limit(timeout)?);
+    let limit = TimeLimit::new(duration("timeout", timeout)?);
     let raised_by_signal = RefCell::new(None);
     let is_given_up = || {
         let error = Python::attach(|py| py.check_signals().err());

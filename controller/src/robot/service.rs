@@ -8,7 +8,7 @@ use std::{
     time::Duration,
 };
 
-use robot_driver::{DriverSettings, MotorTargets, RobotConnection, RobotDriver};
+use robot_driver::{DriverSettings, MotorTargets, RobotConnection, RobotDriver, Shutdown};
 use shared_types::{
     clock::mono_now_ns,
     codes::MotorFault,
@@ -21,7 +21,7 @@ use super::{PoseMemory, RobotConfig, SimulatedMotors};
 /// Switches from outside, turned by signals.
 #[derive(Clone, Debug, Default)]
 pub struct Switches {
-    /// Whether the robot is to end.
+    /// Whether the robot is to ramp to rest and end.
     pub shutdown: Arc<AtomicBool>,
     /// Whether the configured tendon's motor sticks.
     pub stuck: Arc<AtomicBool>,
@@ -38,7 +38,7 @@ struct Process<'a> {
     memory: Option<PoseMemory>,
 }
 
-/// Runs the simulated robot until it is told to shut down.
+/// Runs the simulated robot until it is told to shut down and its tendons rest.
 ///
 /// # Errors
 /// [`IpcError::AlreadyRunning`] where another robot lives under the same prefix and root, or what a service or a port
@@ -63,11 +63,12 @@ pub fn run(
         .and_then(PoseMemory::recall)
         .inspect(|_| info!("standing where the robot before this one stood"))
         .unwrap_or_else(|| config.start_pose());
+    let shutdown = Shutdown::asked_by(Arc::clone(&switches.shutdown));
     let process = Process {
         config,
         switches,
         motors: SimulatedMotors::new(config, mono_now_ns(), &pose),
-        driver: connection.drive_from(&pose),
+        driver: connection.drive_until(shutdown, &pose),
         memory,
     };
     if let Some(Err(refused)) = config.realtime_priority.map(realtime::use_fifo_priority) {
@@ -92,9 +93,7 @@ fn open_memory(options: &IpcOptions) -> Option<PoseMemory> {
 impl Process<'_> {
     fn serve(mut self) {
         info!(period_us = self.config.period_ns / 1_000, "robot begins");
-        while !self.switches.shutdown.load(Ordering::Relaxed)
-            && let Some(targets) = self.driver.next_targets()
-        {
+        while let Some(targets) = self.driver.next_targets() {
             self.cycle(&targets);
         }
         if let Some(memory) = self.memory

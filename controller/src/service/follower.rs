@@ -24,7 +24,7 @@ use super::{
 };
 use crate::executive::Commanded;
 
-/// Its name in errors.
+/// The controller's name in errors.
 const SERVICE: &str = "controller";
 
 /// Follows the planner's trajectories in the controller's place, for a program that moves the motors itself: one call of
@@ -135,11 +135,11 @@ impl Follower {
         self.shutdown.ask();
     }
 
-    /// Has Ctrl-C and SIGTERM do what [`Self::shut_down`] does, in place of ending the process in motion. Once it was dropped they end the process.
+    /// Has Ctrl-C and SIGTERM do what [`Self::shut_down`] does, in place of ending the process in motion, until this is dropped.
     ///
     /// # Errors
     /// [`IpcError::Failed`] where the system refuses a handler.
-    pub fn shut_down_at_signals(&self) -> Result<(), IpcError> {
+    pub fn shut_down_at_signals(&mut self) -> Result<(), IpcError> {
         self.shutdown.ask_at_signals(SERVICE)
     }
 }

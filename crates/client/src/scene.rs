@@ -147,7 +147,8 @@ impl ScenePublisher {
     /// Waits until the daemon has judged the last scene.
     ///
     /// # Errors
-    /// [`ClientError::SceneRefused`] with its reason, or [`ClientError::NoServer`] if none has judged it in time.
+    /// [`ClientError::SceneRefused`] with its reason, of the last scene or of an earlier one whose refusal was not told before, or
+    /// [`ClientError::NoServer`] if none has judged the last one in time.
     pub fn confirm<'program>(
         &self,
         timeout: impl Into<TimeLimit<'program>>,
@@ -169,10 +170,14 @@ impl ScenePublisher {
                 });
             }
         };
-        verdicts.unreported = None;
-        match &verdicts.last {
-            Some(last) if last.refusal != SceneRefusal::None => Err(self.refused_by_daemon(last)),
-            _ => Ok(()),
+        let earlier = verdicts.unreported.take();
+        let last = verdicts.last.as_ref();
+        match last
+            .filter(|it| it.refusal != SceneRefusal::None)
+            .or(earlier.as_ref())
+        {
+            Some(refused) => Err(self.refused_by_daemon(refused)),
+            None => Ok(()),
         }
     }
 

@@ -26,7 +26,7 @@ const STILL_LOOKS: u32 = 15;
 const TENSE: f64 = 0.8;
 /// Velocity of a servo that stands still, in its units.
 const STILL: i32 = 1;
-/// The servos' watchdog while they wind, 20 ms: they stop where nobody looks at them any more.
+/// The servos' watchdog while they wind, in its units of 20 ms: they stop where nobody looks at them any more.
 const WINDING_WATCHDOG: u8 = 10;
 /// How often all servos are told to let go, which none confirms.
 const LETS_GO: usize = 3;

@@ -129,6 +129,9 @@ pub fn run(
     let spools = Spools::new(config.robot.spool_radius, &config.directions, home.zeros);
     let measured_m = spools.lengths_m(&goals);
     check_lengths(config, &measured_m)?;
+    if shutdown.is_asked() {
+        return Ok(());
+    }
     hold(&mut bus, &goals, config)?;
     let state = TendonState {
         position_m: measured_m,
@@ -249,7 +252,8 @@ impl Process {
         while let Some(targets) = self.driver.next_targets() {
             self.step(&targets);
         }
-        // The servos hold while nobody talks to them.
+        // The servos hold while nobody talks to them; each by itself would end at the first one that does not answer.
+        self.bus.set_all_u8(BUS_WATCHDOG, 0)?;
         self.bus.set_u8(BUS_WATCHDOG, 0)?;
         info!("ended");
         Ok(())

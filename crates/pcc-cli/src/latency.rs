@@ -63,7 +63,7 @@ pub(crate) struct Arguments {
     /// Draw the distributions as an SVG picture, time by percentile.
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
-    /// Write each request that counts: stamp before it was sent and after its answer was read, nanoseconds of CLOCK_MONOTONIC.
+    /// Write each request that counts: when it was due, before it was sent and after its answer was read, nanoseconds of CLOCK_MONOTONIC.
     #[arg(long, value_name = "FILE")]
     stamps: Option<PathBuf>,
     /// Measure the transport, too: raw iceoryx2 and a Unix socket with the same payload, so many round trips of each in five windows. Of the

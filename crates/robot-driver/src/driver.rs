@@ -102,6 +102,8 @@ impl RobotConnection {
 }
 
 /// Drives a robot's motors: one call of [`Self::next_targets`] and one of [`Self::report`] a cycle.
+///
+/// It leaves the robot's place when it is dropped, which is to be done at rest alone: [`Self::shut_down`].
 pub struct RobotDriver {
     connection: RobotConnection,
     driven: DrivenRobot,
@@ -134,7 +136,7 @@ impl RobotDriver {
     }
 
     /// Publishes the robot's state: tendon lengths relative to straight as measured in this cycle, m (those beyond the robot's tendons are 0),
-    /// and what is wrong with the motors.
+    /// and what is wrong with the motors. One that cannot be sent is left out: the controller stops the robot where they stay away.
     pub fn report(&mut self, measured_tendon_m: &TendonVector, fault: MotorFault) {
         let state = self.driven.state(measured_tendon_m, fault);
         if let Err(error) = self.connection.states.send_copy(state) {
@@ -147,11 +149,11 @@ impl RobotDriver {
         self.shutdown.ask();
     }
 
-    /// Has Ctrl-C and SIGTERM do what [`Self::shut_down`] does, in place of ending the process in motion. Once it was dropped they end the process.
+    /// Has Ctrl-C and SIGTERM do what [`Self::shut_down`] does, in place of ending the process in motion, until this is dropped.
     ///
     /// # Errors
     /// [`IpcError::Failed`] where the system refuses a handler.
-    pub fn shut_down_at_signals(&self) -> Result<(), IpcError> {
+    pub fn shut_down_at_signals(&mut self) -> Result<(), IpcError> {
         self.shutdown.ask_at_signals("robot")
     }
 

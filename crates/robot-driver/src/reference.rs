@@ -137,7 +137,8 @@ impl Reference {
         seconds(now_ns - self.anchor.stamp_mono_ns)
     }
 
-    /// How often set-points stopped coming (or broke a rule) and the reference went to rest by itself.
+    /// How often the reference went to rest by itself: set-points stopped coming or broke a rule, the driver was shut down in motion, or the
+    /// motors moved when it began.
     #[must_use]
     pub fn ramps_to_rest(&self) -> u32 {
         self.ramps_to_rest

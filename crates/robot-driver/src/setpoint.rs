@@ -89,7 +89,7 @@ pub enum Mode {
     Idle,
     /// Following set-points.
     Following,
-    /// Ramping to rest after set-points stopped coming.
+    /// Ramping to rest by itself: [`crate::Reference::ramps_to_rest`] says when.
     Ramping,
     /// At rest after a ramp to rest.
     AtRestAfterLoss,

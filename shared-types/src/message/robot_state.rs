@@ -28,7 +28,7 @@ wire_message! {
         pub measured_tendon_m: [f64; TENDONS],
         /// Configuration that the measured tendons mean, radians.
         pub measured_configuration_rad: [f64; DOF],
-        /// Times that the robot ramped to rest because set-points stayed away.
+        /// Times that the robot ramped to rest by itself: set-points stayed away or broke a rule, its driver was shut down, or its motors moved when it began.
         pub ramps_to_rest: u32,
         /// Set-points that the robot refused.
         pub rejected_setpoints: u32,

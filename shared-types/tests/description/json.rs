@@ -18,11 +18,12 @@ use super::text::{code_of, plain};
 /// All of it.
 pub(crate) fn wire() -> Value {
     let capacity = PlanServiceCapacity::default();
-    let plan = exchange(
+    let mut plan = exchange(
         &plan_settings(&capacity),
         [&PlanRequest::LAYOUT, &Knot::LAYOUT],
         Some((&PlanReport::LAYOUT, capacity.knots_per_response())),
     );
+    plan["made_by"] = "planner-daemon".into();
     let command = exchange(&COMMAND, [&Command::LAYOUT, &CommandReply::LAYOUT], None);
     let topics = TOPICS.iter().map(topic);
     let events = EVENTS.iter().map(event);
@@ -30,7 +31,13 @@ pub(crate) fn wire() -> Value {
         "protocol_version": PROTOCOL_VERSION,
         "iceoryx2": "0.10.0",
         "clock": "CLOCK_MONOTONIC, nanoseconds",
-        "names": { "service": "PREFIX/NAME", "iceoryx2_prefix": "PREFIX_" },
+        "names": {
+            "service": "PREFIX/NAME",
+            "iceoryx2_prefix": "PREFIX_",
+            "role_lock": "ROOT/PREFIX.ROLE.lock",
+            "default_prefix": "pcc",
+            "default_roots": ["~/.pcc-services", "/dev/shm/pcc-UID"],
+        },
         "services": Value::Array([plan, command].into_iter().chain(topics).chain(events).collect()),
         "messages": object(LAYOUTS.iter().map(|layout| (short(layout), message(layout)))),
         "codes": object(SETS.iter().map(|set| (set.name, code(set)))),

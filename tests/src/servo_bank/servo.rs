@@ -42,7 +42,9 @@ const STIFFNESS: f64 = 5e4;
 
 /// Current that is enough to bend the body, units of 2.69 mA.
 const BENDING: i16 = 60;
-/// How fast a tendon that pulls more than the current holds is paid out, lengths a second of what is too much.
+/// Current that is as much as the gear's friction, which alone holds a motor without torque, units of 2.69 mA.
+const FRICTION: f64 = 40.0;
+/// How fast a tendon that pulls more than current or friction holds is paid out, lengths a second of what is too much.
 const YIELDS: f64 = 20.0;
 
 /// A status packet, and the time that the servo waits before it.
@@ -236,8 +238,11 @@ impl Servo {
             } else {
                 velocity.max(0.0) + YIELDS * too_much_m * self.pulses_of_a_metre
             };
-        } else {
+        } else if holds || !turns {
             self.velocity = 0.0;
+        } else {
+            let too_much_m = (pull - FRICTION).max(0.0) / STIFFNESS;
+            self.velocity = YIELDS * too_much_m * self.pulses_of_a_metre;
         }
         self.position += self.velocity * seconds;
         let current = if holds { pull.min(most) } else { 0.0 };

@@ -17,7 +17,8 @@ typedef enum {
    */
   PCC_ERROR_KIND_NONE = 0,
   /*
-   A pointer is null, a text is no UTF-8, or a number is not allowed.
+   A pointer is null, a text is no UTF-8, a number or a code is not allowed, there is no such candidate, or a file (of a robot, of settings)
+   or a configuration is refused.
    */
   PCC_ERROR_KIND_ARGUMENT = 1,
   /*
@@ -390,7 +391,7 @@ int32_t pcc_driver_next(PccDriver *driver,
 
 /*
  Publishes what the motors did in this cycle: 9 measured lengths of the tendons relative to the straight robot, metres, and a
- `PccMotorFault`. 0, or -1 where it fails.
+ `PccMotorFault`; one that cannot be sent is left out. 0, or -1 where an argument is not allowed.
  */
 int32_t pcc_driver_report(PccDriver *driver,
                           const double *measured_m,
@@ -399,7 +400,7 @@ int32_t pcc_driver_report(PccDriver *driver,
 /*
  Has Ctrl-C and SIGTERM do what `pcc_driver_shut_down` does, in place of ending the process in motion. 0, or -1 where it fails.
  */
-int32_t pcc_driver_shut_down_at_signals(const PccDriver *driver);
+int32_t pcc_driver_shut_down_at_signals(PccDriver *driver);
 
 /*
  Ramps the motors to rest; go on with cycles until `pcc_driver_next` says 0. 0, or -1 where it fails.
@@ -437,7 +438,7 @@ int32_t pcc_follower_report(PccFollower *follower,
 /*
  Has Ctrl-C and SIGTERM do what `pcc_follower_shut_down` does, in place of ending the process in motion. 0, or -1 where it fails.
  */
-int32_t pcc_follower_shut_down_at_signals(const PccFollower *follower);
+int32_t pcc_follower_shut_down_at_signals(PccFollower *follower);
 
 /*
  Stops the robot along its path; go on with cycles until `pcc_follower_next` says 0. 0, or -1 where it fails.

@@ -946,7 +946,7 @@ typedef struct PccRobotState {
   double measured_tendon_m[9];
   /* Configuration that the measured tendons mean, radians. */
   double measured_configuration_rad[6];
-  /* Times that the robot ramped to rest because set-points stayed away. */
+  /* Times that the robot ramped to rest by itself: set-points stayed away or broke a rule, its driver was shut down, or its motors moved when it began. */
   uint32_t ramps_to_rest;
   /* Set-points that the robot refused. */
   uint32_t rejected_setpoints;

@@ -37,7 +37,7 @@ fn start() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     logging::start().context("cannot start to log")?;
     let config = DynamixelConfig::from_file(&arguments.config)?;
-    let shutdown = Shutdown::default();
+    let mut shutdown = Shutdown::default();
     shutdown.ask_at_signals("robot")?;
     run(&config, &IpcOptions::from_env(), shutdown)?;
     Ok(())

@@ -176,7 +176,18 @@ impl Load {
                 let timed_out = sent_ns - sent > PATIENCE.as_nanos() as i64;
                 match connection.poll(&mut pending) {
                     Ok(None) if !timed_out => under_way.push((due, sent, pending)),
-                    Ok(None) => return replies,
+                    Ok(None) => {
+                        let (server, id) = ("planner-daemon", pending.id());
+                        let waited = PATIENCE;
+                        let late = ClientError::TimedOut {
+                            server,
+                            id,
+                            waited,
+                            may_have_acted: false,
+                        };
+                        replies.push(Reply::of(due, sent, &Err(late)));
+                        return replies;
+                    }
                     Ok(Some(answer)) => replies.push(Reply::of(due, sent, &Ok(answer))),
                     Err(error) => {
                         replies.push(Reply::of(due, sent, &Err(error)));

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use client::ControllerView;
 use serde_json::{Value, json};
 use shared_types::capacity::HISTOGRAM_BINS;
+use shared_types::clock::mono_now_ns;
 use shared_types::ipc::IpcOptions;
 use shared_types::lateness::quantile_ns;
 use shared_types::message::ControllerState;
@@ -60,13 +61,14 @@ impl LoopLateness {
     }
 }
 
-/// The newest state of a controller; none where none is heard.
+/// A controller's state from now on; none where none is heard.
 fn heard(view: &mut ControllerView) -> anyhow::Result<Option<ControllerState>> {
-    // What waits may be old.
-    view.latest_state()?;
-    let begun = Instant::now();
-    while begun.elapsed() < TIMEOUT {
-        if let Some(state) = view.latest_state()? {
+    let begun_ns = mono_now_ns();
+    let until = Instant::now() + TIMEOUT;
+    while Instant::now() < until {
+        if let Some(state) = view.latest_state()?
+            && state.values.stamp_mono_ns >= begun_ns
+        {
             return Ok(Some(state.values));
         }
         thread::sleep(Duration::from_millis(5));

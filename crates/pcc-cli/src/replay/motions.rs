@@ -27,6 +27,9 @@ pub(super) fn check(recording: &Recording, robot: &Robot) -> anyhow::Result<()> 
         );
     }
     check_whole(&recording.cycles)?;
+    for cycle in &recording.cycles {
+        check_finite(cycle)?;
+    }
     let mut largest_use = 0.0_f64;
     let mut largest_bending_rad = 0.0_f64;
     for message in &recording.trajectories {
@@ -80,6 +83,21 @@ fn check_whole(cycles: &[Cycle]) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Checks that a set-point and its configuration are numbers, which comparisons take for granted.
+fn check_finite(cycle: &Cycle) -> anyhow::Result<()> {
+    let [setpoint, configuration] = [
+        &cycle.setpoint_m[..],
+        &cycle.commanded_configuration_rad[..],
+    ];
+    let mut numbers = setpoint.iter().chain(configuration);
+    ensure!(
+        numbers.all(|it| it.is_finite()),
+        "cycle {} has a set-point or a configuration that is no finite number",
+        cycle.sequence
+    );
+    Ok(())
+}
+
 /// The motion of a message.
 ///
 /// # Errors
@@ -113,6 +131,15 @@ fn off_m(cycle: &Cycle, robot: &Robot) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_set_point_that_is_no_number_is_refused() {
+        let mut cycle = Cycle::ZEROED;
+        check_finite(&cycle).unwrap();
+        cycle.setpoint_m[3] = f64::NAN;
+        let error = check_finite(&cycle).unwrap_err();
+        assert!(error.to_string().contains("cycle 0"), "{error}");
+    }
 
     #[test]
     fn a_cycle_that_is_missing_is_named_and_another_controller_counts_anew() {

@@ -13,7 +13,7 @@ use tests::process::{Process, TimedOut, wait_for};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 
-use super::lines;
+use super::lines::{self, COLUMNS};
 use crate::report::Report;
 
 /// The examples of each language.
@@ -310,7 +310,8 @@ impl Examples {
                     parts.join(", ")
                 ),
             };
-            let line = self.line(&format!("lines of {}", example.name));
+            let what = format!("lines of {}, of {COLUMNS} columns", example.name);
+            let line = self.line(&what);
             report.check(&line, figure, &bar, example.lines <= self.most_lines);
         }
         Ok(())

@@ -1,10 +1,10 @@
-//! The guides, followed in a clean clone: the commands of their blocks, in order, by a shell in its root.
+//! The guides, followed in a clean clone: the commands of their blocks, in order, by a shell in its root. What goes on is ended at the end of its
+//! block.
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{self, ExitStatus};
+use std::process;
 use std::time::{Duration, Instant};
 
 use ::tests::process::Process;
@@ -21,7 +21,7 @@ use crate::report::Report;
 use crate::scale::Scale;
 
 /// How long a command may take that ends by itself: an example may have to be built.
-const LIMIT: Duration = Duration::from_secs(300);
+const LIMIT: Duration = Duration::from_secs(600);
 /// How long one may take to end at Ctrl-C.
 const ENDS_WITHIN: Duration = Duration::from_secs(10);
 const COMMAND: &str =
@@ -149,8 +149,8 @@ impl Newcomer {
 
 impl Guide {
     fn follow(&self, report: &mut Report, root: &Path) -> anyhow::Result<()> {
-        let commands = commands(&fs::read_to_string(root.join(FOLDER).join(self.page))?)?;
-        ensure!(!commands.is_empty(), "{} has no commands", self.page);
+        let blocks = blocks(&fs::read_to_string(root.join(FOLDER).join(self.page))?)?;
+        ensure!(!blocks.is_empty(), "{} has no commands", self.page);
         let mut stack = Stack::new(&Settings::default());
         let mut results = ResultView::watch(&stack.world.options)?;
         let built = root.join("target/release");
@@ -160,9 +160,22 @@ impl Guide {
         if self.before == Part::ALL {
             stack.wait_until_ready()?;
         }
+        for block in &blocks {
+            self.follow_block(report, root, &mut stack, block)?;
+        }
+        self.show_joined(report, &blocks, &mut results)
+    }
+
+    fn follow_block(
+        &self,
+        report: &mut Report,
+        root: &Path,
+        stack: &mut Stack,
+        commands: &[Command],
+    ) -> anyhow::Result<()> {
         let mut going_on = Vec::new();
-        for command in &commands {
-            let process = command.start(&stack, root);
+        for command in commands {
+            let process = command.start(stack, root);
             if !command.is_ended_by_hand() {
                 self.show(report, command, process, LIMIT)?;
                 continue;
@@ -170,10 +183,9 @@ impl Guide {
             going_on.push((command, process));
             stack.client.wait_for_daemon(PATIENCE)?;
             if self.has_robot {
-                wait_until_held(&mut stack)?;
+                wait_until_held(stack)?;
             }
         }
-        self.show_joined(report, &commands, &mut results)?;
         for (command, process) in going_on {
             process.signal(libc::SIGINT);
             self.show(report, command, process, ENDS_WITHIN)?;
@@ -198,7 +210,7 @@ impl Guide {
             Promise::Silence => "prints nothing".to_owned(),
             Promise::LastLine(text) => format!("ends with \"{text}\""),
         };
-        let is_kept = command.is_ended_well(status) && command.promise.is_kept(&log);
+        let is_kept = status.success() && command.promise.is_kept(&log);
         report.check(&line, format!("{status}: {last}"), &bar, is_kept);
         Ok(())
     }
@@ -207,10 +219,11 @@ impl Guide {
     fn show_joined(
         &self,
         report: &mut Report,
-        commands: &[Command],
+        blocks: &[Vec<Command>],
         results: &mut ResultView,
     ) -> anyhow::Result<()> {
-        let joining = commands.iter().filter(|it| it.comment.starts_with("joins"));
+        let commands = blocks.iter().flatten();
+        let joining = commands.filter(|it| it.comment.starts_with("joins"));
         let (joining, mut ended) = (joining.count(), Vec::new());
         if joining == 0 {
             return Ok(());
@@ -290,20 +303,16 @@ impl Command {
     fn is_ended_by_hand(&self) -> bool {
         self.comment.contains("until Ctrl-C")
     }
-
-    /// The examples leave Ctrl-C to who copies them; a program of ours handles it.
-    fn is_ended_well(&self, status: ExitStatus) -> bool {
-        let is_example = self.line.contains("/examples/");
-        let is_killed = status.signal() == Some(libc::SIGINT);
-        status.success() || (self.is_ended_by_hand() && is_example && is_killed)
-    }
 }
 
-/// The lines of a page's blocks that are commands.
-fn commands(page: &str) -> anyhow::Result<Vec<Command>> {
+/// The commands of a page, by its blocks.
+fn blocks(page: &str) -> anyhow::Result<Vec<Vec<Command>>> {
     let blocks = page.split("```").skip(1).step_by(2);
-    let lines = blocks.flat_map(str::lines).filter(|line| !line.is_empty());
-    lines.map(Command::of).collect()
+    let commands = |block: &str| {
+        let lines = block.lines().filter(|line| !line.is_empty());
+        lines.map(Command::of).collect()
+    };
+    blocks.map(commands).collect()
 }
 
 #[cfg(test)]
@@ -324,7 +333,9 @@ mod tests {
     #[test]
     fn blocks_have_commands_and_promises() {
         let page = "text\n```\ncargo build\n./a 1   # prints nothing, until Ctrl-C\n```\n`b`\n```\nc  # ends with \"d\"\n```\n";
-        let commands = commands(page).unwrap();
+        let blocks = blocks(page).unwrap();
+        assert_eq!(blocks.iter().map(Vec::len).collect::<Vec<_>>(), [2, 1]);
+        let commands: Vec<&Command> = blocks.iter().flatten().collect();
         let lines: Vec<&str> = commands.iter().map(|it| it.line.as_str()).collect();
         assert_eq!(lines, ["cargo build", "./a 1", "c"]);
         let promises: Vec<&Promise> = commands.iter().map(|it| &it.promise).collect();

@@ -17,6 +17,7 @@ use shared_types::ipc::{
 };
 use tests::world::Settings;
 
+use super::ends::Ends;
 use super::stamped_replies::StampedReply;
 use super::transport::{daemon, latency};
 use crate::report::Report;
@@ -111,13 +112,14 @@ fn heard_beside<T>(options: &IpcOptions, run: impl FnOnce() -> T) -> anyhow::Res
     thread::scope(|scope| {
         let hear = |service| {
             let opened = opened.clone();
-            scope.spawn(move || listen(options, service, &opened, is_over))
+            scope.spawn(move || listen(options, service, opened, is_over))
         };
+        let over = Ends(is_over);
         let [asked, answered] = [hear(plan_asked_event), hear(plan_answered_event)];
         drop(opened);
         let are_open = is_open.iter().take(2).count() == 2;
         let result = are_open.then(run);
-        is_over.store(true, Ordering::Relaxed);
+        drop(over);
         let ended = |it: thread::ScopedJoinHandle<'_, anyhow::Result<Vec<i64>>>| {
             it.join().expect("a listener's thread does not panic")
         };
@@ -134,13 +136,14 @@ fn heard_beside<T>(options: &IpcOptions, run: impl FnOnce() -> T) -> anyhow::Res
 fn listen(
     options: &IpcOptions,
     service: fn(&IpcNode) -> Result<EventService, IpcError>,
-    opened: &Sender<()>,
+    opened: Sender<()>,
     is_over: &AtomicBool,
 ) -> anyhow::Result<Vec<i64>> {
     let node = IpcNode::create(options, "stamps")?;
     let listener = event_listener(&node, &service(&node)?)?;
     use_fifo_priority(PRIORITY)?;
     opened.send(())?;
+    drop(opened);
     let mut all_ns = Vec::with_capacity(2 * REQUESTS);
     while !is_over.load(Ordering::Relaxed) {
         if listener.wait(None, LONGEST_SLEEP)? {

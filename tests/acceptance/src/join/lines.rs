@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
+/// The columns of a line; what is wider counts as several lines.
+pub(super) const COLUMNS: usize = 150;
+
 /// An example's lines.
 pub(super) struct Counted {
     /// The name of its file.
@@ -73,7 +76,10 @@ fn own_lines(text: &str, of_all: &[&str]) -> usize {
         let line = line.trim();
         !line.is_empty() && !of_all.iter().any(|begin| line.starts_with(begin))
     };
-    text.lines().filter(is_own).count()
+    let lines = text.lines().filter(is_own);
+    lines
+        .map(|line| line.chars().count().div_ceil(COLUMNS))
+        .sum()
 }
 
 /// A function or class of a file of Python.
@@ -137,5 +143,6 @@ mod unit {
         assert!(parts[0].is_used_by_others(&parts) && !parts[2].is_used_by_others(&parts));
         assert!(parts[2].is_used_in("x = three()") && !parts[2].is_used_in("x = threes()"));
         assert_eq!(own_lines(parts[2].text, &["#"]), 2);
+        assert_eq!(own_lines(&"a".repeat(COLUMNS + 1), &[]), 2);
     }
 }

@@ -2,6 +2,7 @@
 
 mod client_kills;
 mod ended_loops;
+mod ends;
 mod examples;
 mod guides;
 mod heard_trips;

@@ -287,6 +287,11 @@ impl Case {
             return Ok(());
         }
         all.bank.set(|faults| *faults = Faults::default());
+        ensure!(
+            all.driver.is_running(),
+            "the driver ended: {}",
+            all.driver.log()
+        );
         if self.recovery != Recovery::Reset {
             all.driver.sigterm(PATIENCE)?;
         }

@@ -6,6 +6,7 @@ pub(super) const DIGITS: f64 = 1e-3;
 /// A reply by the stamps of `pcc latency --stamps FILE`, nanoseconds; in a closed loop it is sent when it is due.
 pub(super) struct StampedReply {
     pub(super) due_ns: i64,
+    pub(super) sent_ns: i64,
     pub(super) answered_ns: i64,
 }
 
@@ -14,11 +15,12 @@ impl StampedReply {
     pub(super) fn all(text: &str) -> Vec<Self> {
         let of_line = |line: &str| {
             let stamps: Vec<i64> = line.split(' ').filter_map(|it| it.parse().ok()).collect();
-            let [due_ns, _sent_ns, answered_ns] = *stamps.as_slice() else {
+            let [due_ns, sent_ns, answered_ns] = *stamps.as_slice() else {
                 return None;
             };
             Some(Self {
                 due_ns,
+                sent_ns,
                 answered_ns,
             })
         };

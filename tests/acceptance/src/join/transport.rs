@@ -109,7 +109,7 @@ fn transport(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     for (percentile, bar) in [("p50", 1.2), ("p99", 1.5)] {
         let ratio = raw[percentile]["daemon_divided_by_it"].as_f64();
         let line = format!(
-            "transport: planner `null` ÷ raw iceoryx2 with one hand-over, quietest of five windows, {percentile}"
+            "transport: planner `null` ÷ raw iceoryx2 with one hand-over to a thread and back, quietest of five windows, {percentile}"
         );
         report.at_most(&line, ratio.context("no ratio")?, bar);
     }
@@ -331,9 +331,10 @@ impl OpenLoop {
         let line = self.line("outcomes by name");
         let stamped = self.line("requests that were answered, by their stamps");
         report.all_of(&stamped, replies.len(), requests as usize);
-        self.arrivals(report, &replies);
+        self.arrivals(report, &replies, ("due", |reply| reply.due_ns));
         match self.amount {
             Amount::Planned => {
+                self.arrivals(report, &replies, ("sent", |reply| reply.sent_ns));
                 let planned = plans["planned"].as_u64().unwrap_or(0);
                 report.check(&line, figure, "all planned", planned == u64::from(requests));
                 self.count_from_when_due(report, plans, &replies);
@@ -347,12 +348,19 @@ impl OpenLoop {
         Ok(())
     }
 
-    /// Whether requests were due at the rate, whatever became of those before.
-    fn arrivals(&self, report: &mut Report, replies: &[StampedReply]) {
-        let due = || replies.iter().map(|reply| reply.due_ns);
-        let lasted_ns = due().max().unwrap_or(0) - due().min().unwrap_or(0);
+    /// Whether requests were at the rate by an instant of each, whatever became of those before.
+    fn arrivals(
+        &self,
+        report: &mut Report,
+        replies: &[StampedReply],
+        (what, instant_ns): (&str, fn(&StampedReply) -> i64),
+    ) {
+        let instants = || replies.iter().map(instant_ns);
+        let lasted_ns = instants().max().unwrap_or(0) - instants().min().unwrap_or(0);
         let rate = (replies.len() as f64 - 1.0) / (lasted_ns as f64 * 1e-9);
-        let line = self.line("|rate at which they were due ÷ that asked for − 1|");
+        let line = self.line(&format!(
+            "|rate at which they were {what} ÷ that asked for − 1|"
+        ));
         report.at_most(&line, (rate / f64::from(self.rate) - 1.0).abs(), RATE_OFF);
     }
 

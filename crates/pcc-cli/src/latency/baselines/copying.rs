@@ -1,9 +1,12 @@
 //! A copying transport: a Unix socket, frames of bytes with their length before them, and a serialiser (postcard).
 
 use std::fs;
-use std::io::{Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
 
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
@@ -13,6 +16,8 @@ use shared_types::message::{Knot, PlanReport, PlanRequest};
 
 /// Numbers of a knot: time, configuration, velocity, acceleration.
 const NUMBERS: usize = 1 + 3 * DOF;
+/// Time between two looks for a client.
+const LOOK: Duration = Duration::from_millis(1);
 /// Bytes of a frame at most.
 const LONGEST: u64 = 16_000_000;
 
@@ -91,22 +96,38 @@ impl CopyingClient {
     }
 }
 
-/// Answers one client after the other.
+/// Answers one client, if it comes before all is over.
 pub(super) fn serve(
     options: &IpcOptions,
     answer: &Answer,
     is_ready: impl FnOnce(),
+    is_over: &AtomicBool,
 ) -> anyhow::Result<()> {
     let socket = socket(options);
     let listener = UnixListener::bind(&socket)?;
     is_ready();
-    let (mut stream, _) = listener.accept()?;
+    let accepted = accept(&listener, is_over);
     // Nobody else is to come.
     fs::remove_file(&socket)?;
+    let Some(mut stream) = accepted? else {
+        return Ok(());
+    };
     while read_frame::<Request>(&mut stream).is_ok() {
         stream.write_all(&answer.to_bytes()?)?;
     }
     Ok(())
+}
+
+fn accept(listener: &UnixListener, is_over: &AtomicBool) -> io::Result<Option<UnixStream>> {
+    listener.set_nonblocking(true)?;
+    while !is_over.load(Ordering::Relaxed) {
+        match listener.accept() {
+            Ok((stream, _)) => return stream.set_nonblocking(false).map(|()| Some(stream)),
+            Err(error) if error.kind() == ErrorKind::WouldBlock => thread::sleep(LOOK),
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(None)
 }
 
 fn socket(options: &IpcOptions) -> PathBuf {

@@ -56,7 +56,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
             is_ready,
             &is_over,
         ),
-        Transport::Copying => copying::serve(&options, &answer, is_ready),
+        Transport::Copying => copying::serve(&options, &answer, is_ready, &is_over),
     }
 }
 
