@@ -244,7 +244,7 @@ impl Judge {
         };
         let Some(setpoint) = self.known.iter().rev().find(followed) else {
             self.verdict.unmatched += 1;
-            self.lose_last(state.accepted_sequence);
+            self.lose_last(state);
             return;
         };
         let age_s = seconds(state.stamp_mono_ns - setpoint.stamp_mono_ns).min(*EXTRAPOLATED_S);
@@ -258,7 +258,8 @@ impl Judge {
     }
 
     /// Notes the last set-points of a controller that was killed before the listener came to them.
-    fn lose_last(&mut self, followed: u64) {
+    fn lose_last(&mut self, state: &RobotState) {
+        let followed = state.accepted_sequence;
         let heard = self.known.back().map_or(0, |last| last.sequence);
         let before = heard.max(self.unheard);
         if followed > before {
@@ -268,6 +269,14 @@ impl Judge {
             let last =
                 format!("{lost} set-points up to number {followed}, which the robot followed");
             self.verdict.losses.push(last);
+        } else if followed != self.unheard {
+            let of_number = self.known.iter().filter(|it| it.sequence == followed);
+            let stamps_ns: Vec<i64> = of_number.map(|it| it.stamp_mono_ns).collect();
+            let unmatched = format!(
+                "robot's state {} of {} ns, which follows number {followed}, of {stamps_ns:?} ns; the newest number then is {heard}",
+                state.sequence, state.stamp_mono_ns
+            );
+            self.verdict.losses.push(unmatched);
         }
     }
 
