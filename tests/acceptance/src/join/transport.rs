@@ -331,15 +331,17 @@ impl OpenLoop {
         let line = self.line("outcomes by name");
         let stamped = self.line("requests that were answered, by their stamps");
         report.all_of(&stamped, replies.len(), requests as usize);
-        self.arrivals(report, &replies, ("due", |reply| reply.due_ns));
+        self.arrivals(report, &replies);
         match self.amount {
             Amount::Planned => {
-                self.arrivals(report, &replies, ("sent", |reply| reply.sent_ns));
                 let planned = plans["planned"].as_u64().unwrap_or(0);
                 report.check(&line, figure, "all planned", planned == u64::from(requests));
                 self.count_from_when_due(report, plans, &replies);
             }
-            Amount::TooMuch => report.shown(&line, figure),
+            Amount::TooMuch => {
+                report.shown(&line, figure);
+                self.do_not_wait(report, &replies);
+            }
             Amount::TooMuchForShortQueue => {
                 let bar = format!("`{overloaded}` more than once");
                 report.check(&line, figure, &bar, count(&overloaded) > 1);
@@ -348,20 +350,36 @@ impl OpenLoop {
         Ok(())
     }
 
-    /// Whether requests were at the rate by an instant of each, whatever became of those before.
-    fn arrivals(
-        &self,
-        report: &mut Report,
-        replies: &[StampedReply],
-        (what, instant_ns): (&str, fn(&StampedReply) -> i64),
-    ) {
-        let instants = || replies.iter().map(instant_ns);
-        let lasted_ns = instants().max().unwrap_or(0) - instants().min().unwrap_or(0);
+    /// Whether requests were due at the rate, whatever became of those before.
+    fn arrivals(&self, report: &mut Report, replies: &[StampedReply]) {
+        let due = || replies.iter().map(|reply| reply.due_ns);
+        let lasted_ns = due().max().unwrap_or(0) - due().min().unwrap_or(0);
         let rate = (replies.len() as f64 - 1.0) / (lasted_ns as f64 * 1e-9);
-        let line = self.line(&format!(
-            "|rate at which they were {what} ÷ that asked for − 1|"
-        ));
+        let line = self.line("|rate at which they were due ÷ that asked for − 1|");
         report.at_most(&line, (rate / f64::from(self.rate) - 1.0).abs(), RATE_OFF);
+    }
+
+    /// Whether requests were sent while earlier ones of the same clients were not answered, as a loop that waits for answers never does.
+    fn do_not_wait(&self, report: &mut Report, replies: &[StampedReply]) {
+        let sent = replies.iter().map(|reply| (reply.sent_ns, 1));
+        let answered = replies.iter().map(|reply| (reply.answered_ns, -1));
+        let mut changes: Vec<(i64, i32)> = sent.chain(answered).collect();
+        changes.sort_unstable();
+        let (mut under_way, mut most) = (0, 0);
+        for (_, change) in changes {
+            under_way += change;
+            most = most.max(under_way);
+        }
+        let clients = CLIENTS as i32;
+        let line = self.line(&format!(
+            "most requests under way at once, of {clients} clients"
+        ));
+        report.check(
+            &line,
+            most.to_string(),
+            &format!("> {clients}"),
+            most > clients,
+        );
     }
 
     /// Whether percentiles are those of the time from when a request was due until it was answered, by the stamps of each.
