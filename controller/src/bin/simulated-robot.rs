@@ -28,7 +28,7 @@ use tracing::warn;
 ///
 /// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default ~/.pcc-services where that exists, else
 /// /dev/shm/pcc-UID) name the robot's shared memory; RUST_LOG sets the log level on stderr (default info). SIGTERM and
-/// SIGINT end it with exit 0. For tests, SIGUSR1 makes one motor stick (and free again), SIGUSR2 stops (and restarts)
+/// SIGINT end it with exit 0 once its tendons have come to rest. For tests, SIGUSR1 makes one motor stick (and free again), SIGUSR2 stops (and restarts)
 /// the publishing of its state.
 #[derive(Parser)]
 #[command(version, verbatim_doc_comment)]
