@@ -244,7 +244,7 @@ impl Judge {
         };
         let Some(setpoint) = self.known.iter().rev().find(followed) else {
             self.verdict.unmatched += 1;
-            self.lose_last(state);
+            self.note_unmatched(state);
             return;
         };
         let age_s = seconds(state.stamp_mono_ns - setpoint.stamp_mono_ns).min(*EXTRAPOLATED_S);
@@ -257,8 +257,9 @@ impl Judge {
         raise(&mut self.verdict.reference_error_m, largest(&errors));
     }
 
-    /// Notes the last set-points of a controller that was killed before the listener came to them.
-    fn lose_last(&mut self, state: &RobotState) {
+    /// Notes what a state follows that is not known: the last set-points of a controller that was killed before the listener came to them, or
+    /// else the numbers by which to find out.
+    fn note_unmatched(&mut self, state: &RobotState) {
         let followed = state.accepted_sequence;
         let heard = self.known.back().map_or(0, |last| last.sequence);
         let before = heard.max(self.unheard);

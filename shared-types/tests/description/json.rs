@@ -23,7 +23,7 @@ pub(crate) fn wire() -> Value {
         [&PlanRequest::LAYOUT, &Knot::LAYOUT],
         Some((&PlanReport::LAYOUT, capacity.knots_per_response())),
     );
-    plan["made_by"] = "planner-daemon".into();
+    plan["made_by"] = plan["to"].clone();
     let command = exchange(&COMMAND, [&Command::LAYOUT, &CommandReply::LAYOUT], None);
     let topics = TOPICS.iter().map(topic);
     let events = EVENTS.iter().map(event);

@@ -174,25 +174,23 @@ impl Load {
             let before = replies.len();
             for (due, sent, mut pending) in std::mem::take(&mut under_way) {
                 let timed_out = sent_ns - sent > PATIENCE.as_nanos() as i64;
-                match connection.poll(&mut pending) {
-                    Ok(None) if !timed_out => under_way.push((due, sent, pending)),
-                    Ok(None) => {
-                        let (server, id) = ("planner-daemon", pending.id());
-                        let waited = PATIENCE;
-                        let late = ClientError::TimedOut {
-                            server,
-                            id,
-                            waited,
-                            may_have_acted: false,
-                        };
-                        replies.push(Reply::of(due, sent, &Err(late)));
-                        return replies;
+                let answer = match connection.poll(&mut pending) {
+                    Ok(None) if !timed_out => {
+                        under_way.push((due, sent, pending));
+                        continue;
                     }
-                    Ok(Some(answer)) => replies.push(Reply::of(due, sent, &Ok(answer))),
-                    Err(error) => {
-                        replies.push(Reply::of(due, sent, &Err(error)));
-                        return replies;
-                    }
+                    Ok(None) => Err(ClientError::TimedOut {
+                        server: "planner-daemon",
+                        id: pending.id(),
+                        waited: PATIENCE,
+                        may_have_acted: false,
+                    }),
+                    Ok(Some(answer)) => Ok(answer),
+                    Err(error) => Err(error),
+                };
+                replies.push(Reply::of(due, sent, &answer));
+                if answer.is_err() {
+                    return replies;
                 }
             }
             is_full &= replies.len() == before;

@@ -21,7 +21,7 @@ use crate::report::Report;
 use crate::scale::Scale;
 
 /// How long a command may take that ends by itself: an example may have to be built.
-const LIMIT: Duration = Duration::from_secs(600);
+const LIMIT: Duration = Duration::from_secs(300);
 /// How long one may take to end at Ctrl-C.
 const ENDS_WITHIN: Duration = Duration::from_secs(10);
 const COMMAND: &str =
