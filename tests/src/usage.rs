@@ -1,5 +1,5 @@
 //! What a process used until it ended, as the kernel counted it.
-#![allow(unsafe_code, reason = "no safe interface to wait4 and malloc_trim")]
+#![allow(unsafe_code, reason = "no safe interface to wait4")]
 
 use std::io;
 use std::mem::MaybeUninit;
@@ -9,22 +9,10 @@ use std::process::{Child, ExitStatus};
 /// Memory and processor time of a process, and of those that it has waited for.
 #[derive(Clone, Copy, Debug)]
 pub struct Usage {
-    /// Largest resident memory, 10^6 bytes.
+    /// Largest resident memory, 10^6 bytes; until it is another program a child runs in its parent's, which the kernel counts as the child's.
     pub peak_mb: f64,
     /// Processor time of all threads, the kernel's for them included, s.
     pub processor_s: f64,
-}
-
-/// Gives freed memory back to the system and resets this process's peak: until it is another program a child runs in this memory, and the
-/// kernel counts the peak as the child's.
-pub fn give_memory_back() {
-    #[cfg(target_env = "gnu")]
-    // SAFETY: it has no precondition.
-    unsafe {
-        libc::malloc_trim(0)
-    };
-    // Where the kernel does not offer it, peaks are only too large.
-    let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
 /// How a child has ended and what it used, or none where it runs; afterwards nothing is left to wait for or to kill.
@@ -82,16 +70,5 @@ mod tests {
             usage.processor_s > 0.001 && usage.peak_mb > 0.5,
             "{usage:?}"
         );
-    }
-
-    #[test]
-    fn a_child_is_not_charged_with_its_parent_s_peak() {
-        if std::fs::write("/proc/self/clear_refs", "5").is_err() {
-            return;
-        }
-        drop(std::hint::black_box(vec![1_u8; 500_000_000]));
-        give_memory_back();
-        let (_, usage) = run("exit 0");
-        assert!(usage.peak_mb < 300.0, "{usage:?}");
     }
 }

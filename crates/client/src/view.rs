@@ -5,6 +5,7 @@ use std::thread;
 use std::time::Duration;
 
 use iceoryx2::prelude::ZeroCopySend;
+use shared_types::clock::mono_now_ns;
 use shared_types::ipc::{
     CommandClient, CommandService, CycleSubscriber, IpcError, IpcNode, IpcOptions, Role,
     Subscriber, Topic, command_service, controller_state_service, cycle_service,
@@ -79,10 +80,24 @@ impl ControllerView {
     /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
     pub fn latest_state(&mut self) -> Result<Option<ControllerState>, ClientError> {
         self.cleaner.clean_if_due(&self.node);
-        if let Some(wire) = newest(&self.states)? {
-            self.latest = Some(checked(CONTROLLER, ControllerState::try_from(&wire))?);
-        }
-        Ok(self.latest)
+        take_in(&self.states, &mut self.latest)
+    }
+
+    /// The newest state, published after this call; none where the controller is silent.
+    ///
+    /// # Errors
+    /// As [`ControllerView::latest_state`].
+    pub fn next_state<'program>(
+        &mut self,
+        timeout: impl Into<TimeLimit<'program>>,
+    ) -> Result<Option<ControllerState>, ClientError> {
+        let (asked_mono_ns, limit) = (mono_now_ns(), timeout.into());
+        let (states, latest) = (&self.states, &mut self.latest);
+        let pause = |left: Duration| thread::sleep(POLL_INTERVAL.min(left));
+        wait(&limit, &mut self.cleaner, &self.node, pause, || {
+            let state = take_in(states, latest)?;
+            Ok(state.filter(|state| state.values.stamp_mono_ns >= asked_mono_ns))
+        })
     }
 
     /// Takes this program's place among the commanding programs, if it has none yet: a later command then needs neither memory nor a file
@@ -259,6 +274,17 @@ pub(crate) fn receive<T, E: Debug>(
     receive: impl FnOnce() -> Result<T, E>,
 ) -> Result<T, ClientError> {
     receive().map_err(|reason| ClientError::transport("receive a state", reason))
+}
+
+/// Keeps the newest state that has come, if one has; returns the newest known.
+fn take_in(
+    states: &Subscriber<message::ControllerState>,
+    latest: &mut Option<ControllerState>,
+) -> Result<Option<ControllerState>, ClientError> {
+    if let Some(wire) = newest(states)? {
+        *latest = Some(checked(CONTROLLER, ControllerState::try_from(&wire))?);
+    }
+    Ok(*latest)
 }
 
 /// The newest message waiting, copied to private memory.

@@ -45,8 +45,8 @@ impl Planner {
         &self.resources.robot
     }
 
-    /// Runs a task on one of the workers and returns at once; [`Planner::plan`] called in it needs no other thread's help to
-    /// begin.
+    /// Runs a task on one of the workers and returns at once; [`Planner::plan`] called in it begins on that worker, without another thread
+    /// that would have to wake.
     pub fn spawn(&self, task: impl FnOnce() + Send + 'static) {
         self.workers.spawn(task);
     }

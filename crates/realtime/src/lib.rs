@@ -1,10 +1,12 @@
-//! Linux real-time settings of a thread: priority, CPU affinity, time slice, timer slack; locked memory, and files mapped into memory.
+//! Linux real-time settings of a thread: priority, CPU affinity, time slice, timer slack; locked memory, and files mapped into memory; and a queue
+//! whose receiver wakes once.
 //!
 //! The system may refuse these settings to an ordinary user or in a container. A refusal is a [`RealtimeError`], which says what may
 //! happen without the setting and how to allow it.
 
 #![allow(unsafe_code, reason = "system calls without a safe wrapper")]
 
+pub mod hand_over;
 mod mapped_file;
 mod shared_memory;
 

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use planning::{EarlySelection, Planner, Problem, Request, Sampler, Supervision, Told};
 
 use super::planned::{PlanError, guarded};
+use super::planning_worker::PlanningWorker;
 
 /// Time from the end of a plan to the next one for nobody: the longer it is, the colder the next request finds the workers.
 const INTERVAL: Duration = Duration::from_millis(20);
@@ -16,7 +17,6 @@ const LONGEST: Duration = Duration::from_millis(5);
 
 /// Plans for nobody, on the planner's workers, one at a time.
 pub(super) struct IdleWarmUp {
-    planner: Arc<Planner>,
     /// The last request to one goal that began in motion, without what it goes on from.
     last_in_motion: Option<(Arc<Problem>, Request)>,
     /// When the workers planned last for somebody.
@@ -64,9 +64,8 @@ impl Run {
 }
 
 impl IdleWarmUp {
-    pub(super) fn new(planner: Arc<Planner>) -> Self {
+    pub(super) fn new() -> Self {
         Self {
-            planner,
             last_in_motion: None,
             planned: Instant::now(),
             running: None,
@@ -90,8 +89,8 @@ impl IdleWarmUp {
         self.planned = Instant::now();
     }
 
-    /// Plans for nobody where the last plan ended long enough ago; returns at once.
-    pub(super) fn run_if_due(&mut self, now: Instant) {
+    /// Has the worker plan for nobody where the last plan ended long enough ago; returns at once.
+    pub(super) fn run_if_due(&mut self, now: Instant, worker: &PlanningWorker) {
         let before = self.running.as_ref().map(|run| run.ended());
         let rests_since = match before {
             None => self.planned,
@@ -108,10 +107,9 @@ impl IdleWarmUp {
         if now.saturating_duration_since(rests_since) < INTERVAL {
             return;
         }
-        let (planner, run) = (Arc::clone(&self.planner), Arc::<Run>::default());
+        let run = Arc::<Run>::default();
         self.running = Some(Arc::clone(&run));
-        self.planner
-            .spawn(move || run.plan(&planner, &problem, &request));
+        worker.run(move |planner| run.plan(planner, &problem, &request));
     }
 }
 
@@ -123,10 +121,8 @@ mod tests {
     use planning::{Models, PreviousPlan, StartMotion};
     use std::thread::sleep;
 
-    fn idle() -> IdleWarmUp {
-        IdleWarmUp::new(Arc::new(
-            Planner::new(unit_robot(), Models::default(), 1).unwrap(),
-        ))
+    fn worker() -> PlanningWorker {
+        PlanningWorker::start(Planner::new(unit_robot(), Models::default(), 1).unwrap())
     }
 
     fn in_motion(sampler: Sampler) -> Request {
@@ -153,7 +149,7 @@ mod tests {
 
     #[test]
     fn only_the_last_request_to_one_goal_in_motion_is_planned_for_nobody_and_only_after_a_rest() {
-        let mut idle = idle();
+        let (mut idle, worker) = (IdleWarmUp::new(), worker());
         let problem = Arc::new(straight_problem());
         let later = |idle: &IdleWarmUp| idle.planned + INTERVAL;
         for (request, has_via) in [
@@ -162,7 +158,7 @@ mod tests {
             (in_motion(Sampler::Default), true),
         ] {
             idle.give_way(&problem, &request, has_via);
-            idle.run_if_due(later(&idle));
+            idle.run_if_due(later(&idle), &worker);
             assert!(idle.running.is_none());
         }
         let goes_on = Request {
@@ -175,24 +171,24 @@ mod tests {
         idle.give_way(&problem, &goes_on, false);
         let (_, request) = idle.last_in_motion.as_ref().unwrap();
         assert!(request.previous.is_none());
-        idle.run_if_due(idle.planned + INTERVAL / 2);
+        idle.run_if_due(idle.planned + INTERVAL / 2, &worker);
         assert!(idle.running.is_none(), "the workers have just planned");
-        idle.run_if_due(later(&idle));
+        idle.run_if_due(later(&idle), &worker);
         let first = idle.running.clone().unwrap();
         let (ended, is_sound) = wait_for_end(&first);
         assert!(is_sound);
-        idle.run_if_due(ended + INTERVAL / 2);
+        idle.run_if_due(ended + INTERVAL / 2, &worker);
         assert!(Arc::ptr_eq(&first, idle.running.as_ref().unwrap()));
-        idle.run_if_due(ended + INTERVAL);
+        idle.run_if_due(ended + INTERVAL, &worker);
         assert!(!Arc::ptr_eq(&first, idle.running.as_ref().unwrap()));
     }
 
     #[test]
     fn a_request_interrupts_it() {
-        let mut idle = idle();
+        let (mut idle, worker) = (IdleWarmUp::new(), worker());
         let problem = Arc::new(straight_problem());
         idle.give_way(&problem, &in_motion(Sampler::Default), false);
-        idle.run_if_due(idle.planned + INTERVAL);
+        idle.run_if_due(idle.planned + INTERVAL, &worker);
         let run = idle.running.clone().unwrap();
         assert!(!run.interrupt.load(Ordering::Relaxed));
         idle.give_way(&problem, &request(), false);

@@ -16,6 +16,7 @@ mod planned;
 mod planned_execution;
 mod planner_kind;
 mod planning_turn;
+mod planning_worker;
 mod recent_plans;
 mod refusal;
 mod report;

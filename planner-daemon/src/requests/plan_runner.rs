@@ -1,7 +1,6 @@
 //! Runs the planner on its own workers, one request at a time, beside the service thread.
 //!
-//! The service thread keeps its ports and goes on receiving, refusing and answering meanwhile. A job starts on a worker directly,
-//! without a thread in between that would have to wake.
+//! The service thread keeps its ports and goes on receiving, refusing and answering meanwhile.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -20,11 +19,13 @@ use super::idle_warm_up::IdleWarmUp;
 use super::in_flight::ATTEMPTS;
 use super::planned::{Planned, guarded};
 use super::planner_kind::PlannerKind;
+use super::planning_worker::PlanningWorker;
 use super::stored_plan::StoredPlan;
 use crate::execution::Switch;
+use realtime::RealtimeError;
 use rustix::event::{EventfdFlags, eventfd};
 
-/// Longest wait of a worker for what is done with a selected candidate or a plan.
+/// Longest wait of a worker for what is done with a selected candidate.
 const LONGEST_WAIT: Duration = Duration::from_millis(50);
 
 /// A planning job: problem, request and deadline.
@@ -72,11 +73,10 @@ pub(crate) enum PlanOutput {
     Begins(LateBegin),
     /// The fastest candidate; once more where it came too late.
     Selected(Candidate, InWork),
-    Plan(Planned, InWork),
+    Plan(Planned),
 }
 
-/// Held while an output is handled. The worker that has sent it sleeps until this is dropped, at most [`LONGEST_WAIT`], because workers without
-/// work spin for some 30 µs before they sleep.
+/// Held while a selected candidate is handled. The worker that has sent it sleeps until this is dropped, at most [`LONGEST_WAIT`].
 pub(crate) struct InWork(SyncSender<Told>);
 
 impl InWork {
@@ -88,7 +88,8 @@ impl InWork {
 
 /// The planner with its output queue; it is idle or runs one job.
 pub(crate) struct PlanRunner {
-    planner: Arc<Planner>,
+    robot: UnitRobot,
+    worker: PlanningWorker,
     /// What answers in the planner's place, if anything does.
     stored: Option<StoredPlan>,
     idle: IdleWarmUp,
@@ -111,10 +112,10 @@ impl OutputSender {
         let _ = rustix::io::write(&*self.wake, &1_u64.to_ne_bytes());
     }
 
-    /// Sends an output, and waits until what is done with it is over.
-    fn send_and_wait(&self, output: impl FnOnce(InWork) -> PlanOutput) -> Told {
+    /// Sends the selected candidate, and waits until what is done with it is over.
+    fn send_selected(&self, candidate: Candidate) -> Told {
         let (in_work, is_done) = sync_channel(1);
-        self.send(output(InWork(in_work)));
+        self.send(PlanOutput::Selected(candidate, InWork(in_work)));
         is_done.recv_timeout(LONGEST_WAIT).unwrap_or(Told::InTime)
     }
 }
@@ -126,12 +127,15 @@ const OUTPUTS_OF_A_JOB: usize = 2 * ATTEMPTS as usize + 3;
 impl PlanRunner {
     /// # Errors
     /// What the system says where there can be no more files.
-    pub(crate) fn new(planner: Arc<Planner>, kind: PlannerKind) -> io::Result<Self> {
+    pub(crate) fn new(planner: Planner, kind: PlannerKind) -> io::Result<Self> {
         let (outgoing, outputs) = sync_channel(OUTPUTS_OF_A_JOB);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
+        let robot = planner.robot().clone();
+        let worker = PlanningWorker::start(planner);
         Ok(Self {
-            idle: IdleWarmUp::new(Arc::clone(&planner)),
-            planner,
+            robot,
+            idle: IdleWarmUp::new(),
+            worker,
             stored: (kind == PlannerKind::Null).then(StoredPlan::default),
             outgoing: OutputSender {
                 outputs: outgoing,
@@ -143,28 +147,35 @@ impl PlanRunner {
 
     /// The robot in units of its section length.
     pub(crate) fn robot(&self) -> &UnitRobot {
-        self.planner.robot()
+        &self.robot
+    }
+
+    /// Keeps the calling thread to the processors of the worker that it hands jobs to.
+    ///
+    /// # Errors
+    /// What the system refuses.
+    pub(crate) fn share_processors(&self) -> Result<(), RealtimeError> {
+        self.worker.share_processors()
     }
 
     /// Hands over a job; its plan must be taken before the next one is handed over.
     pub(crate) fn begin(&mut self, job: Job) {
         let has_via = !job.via.is_empty();
         self.idle.give_way(&job.problem, &job.request, has_via);
-        let (planner, outgoing) = (Arc::clone(&self.planner), self.outgoing.clone());
-        let stored = self.stored.clone();
-        self.planner.spawn(move || {
-            let plan = || plan(&planner, &job, &outgoing);
+        let (outgoing, stored) = (self.outgoing.clone(), self.stored.clone());
+        self.worker.run(move |planner| {
+            let plan = || plan(planner, &job, &outgoing);
             let planned = match stored {
                 Some(stored) => stored.get_or_store(&job.request, plan),
                 None => plan(),
             };
-            outgoing.send_and_wait(|in_work| PlanOutput::Plan(planned, in_work));
+            outgoing.send(PlanOutput::Plan(planned));
         });
     }
 
     /// Keeps the workers warm for the next job, while there is none.
     pub(crate) fn keep_warm(&mut self) {
-        self.idle.run_if_due(Instant::now());
+        self.idle.run_if_due(Instant::now(), &self.worker);
     }
 
     /// The next output, if there is one; never waits.
@@ -219,7 +230,7 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
     let early_selection = EarlySelection {
         begin: &begin,
         selected: &|candidate| {
-            let told = outgoing.send_and_wait(|in_work| PlanOutput::Selected(candidate, in_work));
+            let told = outgoing.send_selected(candidate);
             came_too_late.store(told == Told::TooLate, Ordering::Relaxed);
             told
         },
@@ -241,7 +252,7 @@ mod tests {
 
     fn planning() -> PlanRunner {
         let planner = Planner::new(unit_robot(), Models::default(), 1).unwrap();
-        PlanRunner::new(Arc::new(planner), PlannerKind::Pcc).unwrap()
+        PlanRunner::new(planner, PlannerKind::Pcc).unwrap()
     }
 
     fn next(planning: &PlanRunner) -> PlanOutput {
@@ -275,7 +286,7 @@ mod tests {
 
     fn planned(planning: &PlanRunner) -> Planned {
         match next(planning) {
-            PlanOutput::Plan(planned, _) => planned,
+            PlanOutput::Plan(planned) => planned,
             _ => panic!("nothing early was asked for"),
         }
     }

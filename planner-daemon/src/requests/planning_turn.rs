@@ -245,7 +245,7 @@ impl Service {
             Some(PlanOutput::Selected(candidate, in_work)) => {
                 self.execute_early(&candidate, &in_work);
             }
-            Some(PlanOutput::Plan(planned, _in_work)) => self.answer(planned),
+            Some(PlanOutput::Plan(planned)) => self.answer(planned),
             None => return false,
         }
         true

@@ -107,6 +107,12 @@ impl Service {
         if let Err(error) = reduce_timer_slack() {
             tracing::warn!("looks and deadlines may be some 50 us late: {error}");
         }
+        // A thread that never sleeps would take the worker's processor.
+        if self.wait == WaitMode::Event
+            && let Err(error) = self.runner.share_processors()
+        {
+            tracing::warn!("answers may be some 20 us late: {error}");
+        }
         while !terminated.load(Ordering::Relaxed) {
             self.round();
             self.keep_warm();

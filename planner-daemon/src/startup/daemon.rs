@@ -402,7 +402,7 @@ fn open_service(
         static_scene,
         planner: config.planner,
     };
-    let runner = PlanRunner::new(Arc::new(planner), config.planner)?;
+    let runner = PlanRunner::new(planner, config.planner)?;
     let (wait, queued) = (config.wait, config.queued_per_client);
     Ok(Service::open(
         node,

@@ -1,12 +1,10 @@
 //! The controller's state as the demonstration reads it: whose order its speed is, and whether a motion is under way.
 
 use client::ControllerView;
-use shared_types::clock::mono_now_ns;
 use shared_types::codes::LoopState;
 use shared_types::message;
 use shared_types::valid::{Command, ControllerState};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Longest wait for a state of the controller before the speed is restored.
 const STATE_TIMEOUT: Duration = Duration::from_secs(1);
@@ -95,15 +93,7 @@ impl SpeedOrder {
 
 /// A state that is newer than the call, also for a demonstration that was interrupted; none where the controller is silent.
 pub(super) fn fresh_state(controller: &mut ControllerView) -> Option<ControllerState> {
-    let (asked_ns, end) = (mono_now_ns(), Instant::now() + STATE_TIMEOUT);
-    while Instant::now() < end {
-        let state = controller.latest_state().ok()?;
-        if let Some(state) = state.filter(|state| state.values.stamp_mono_ns >= asked_ns) {
-            return Some(state);
-        }
-        sleep(Duration::from_millis(5));
-    }
-    None
+    controller.next_state(STATE_TIMEOUT).ok().flatten()
 }
 
 #[cfg(test)]

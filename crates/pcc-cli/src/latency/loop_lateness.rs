@@ -1,12 +1,10 @@
 //! How late the controller's loop was woken meanwhile.
 
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use client::ControllerView;
 use serde_json::{Value, json};
 use shared_types::capacity::HISTOGRAM_BINS;
-use shared_types::clock::mono_now_ns;
 use shared_types::ipc::IpcOptions;
 use shared_types::lateness::quantile_ns;
 use shared_types::message::ControllerState;
@@ -39,7 +37,7 @@ pub(super) struct Figures {
 impl LoopLateness {
     pub(super) fn watch(options: &IpcOptions) -> anyhow::Result<Self> {
         let mut view = ControllerView::connect(options)?;
-        let before = heard(&mut view)?;
+        let before = view.next_state(TIMEOUT)?.map(|state| state.values);
         Ok(Self { view, before })
     }
 
@@ -48,7 +46,11 @@ impl LoopLateness {
         let Some(before) = self.before else {
             return Ok(Lateness::None);
         };
-        let now = heard(&mut self.view)?.filter(|now| now.instance == before.instance);
+        let now = self
+            .view
+            .next_state(TIMEOUT)?
+            .map(|state| state.values)
+            .filter(|now| now.instance == before.instance);
         Ok(now.map_or(Lateness::Lost, |now| {
             Lateness::Of(Box::new(Figures {
                 cycles: now.cycle - before.cycle,
@@ -59,21 +61,6 @@ impl LoopLateness {
             }))
         }))
     }
-}
-
-/// A controller's state from now on; none where none is heard.
-fn heard(view: &mut ControllerView) -> anyhow::Result<Option<ControllerState>> {
-    let begun_ns = mono_now_ns();
-    let until = Instant::now() + TIMEOUT;
-    while Instant::now() < until {
-        if let Some(state) = view.latest_state()?
-            && state.values.stamp_mono_ns >= begun_ns
-        {
-            return Ok(Some(state.values));
-        }
-        thread::sleep(Duration::from_millis(5));
-    }
-    Ok(None)
 }
 
 impl Figures {

@@ -5,11 +5,12 @@ use std::io;
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, ensure};
+use realtime::hand_over::{self, Sender};
 use rustix::event::{EventfdFlags, eventfd};
 use shared_types::capacity::MAX_KNOTS;
 use shared_types::ipc::{
@@ -27,7 +28,7 @@ const CLIENT_SLEEP: Duration = Duration::from_millis(2);
 
 /// A thread that is handed each request, and says when it has had it.
 struct Worker {
-    jobs: SyncSender<()>,
+    jobs: Sender<()>,
     done: Receiver<()>,
     /// Readable when one is done.
     wake: Arc<OwnedFd>,
@@ -35,7 +36,7 @@ struct Worker {
 
 impl Worker {
     fn start() -> io::Result<Self> {
-        let (jobs, to_do) = sync_channel::<()>(1);
+        let (jobs, to_do) = hand_over::channel::<()>();
         let (tell, done) = sync_channel(1);
         let wake = Arc::new(eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?);
         let waking = Arc::clone(&wake);
@@ -81,7 +82,7 @@ pub(super) fn serve(
         match (received, &worker) {
             (Some(request), None) => answer(&request, knots, &answered)?,
             (Some(request), Some(worker)) => {
-                worker.jobs.send(())?;
+                worker.jobs.send(());
                 handed_over = Some(request);
             }
             (None, Some(worker)) if handed_over.is_some() => {

@@ -6,11 +6,16 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use tests::programs::{program, repository};
-use tests::usage::{give_memory_back, wait_with_usage};
+use tests::usage::wait_with_usage;
 use toml::Table;
+
+use crate::machine::memory_mb;
 
 /// Longer than anything here should take on a busy machine.
 pub(super) const PATIENCE: Duration = Duration::from_secs(120);
+
+/// From one look at a program to the next: nothing writes tens of MB in less.
+const LOOK: Duration = Duration::from_millis(1);
 
 /// What a program did.
 pub(super) struct Outcome {
@@ -18,7 +23,7 @@ pub(super) struct Outcome {
     pub(super) status: Option<i32>,
     /// What it wrote.
     pub(super) said: String,
-    /// Its largest resident memory, 10^6 bytes; as the kernel counted it, from its start to its end.
+    /// Its largest resident memory, 10^6 bytes, up to [`LOOK`] before its end.
     pub(super) peak_mb: f64,
     /// Processor time of all its threads, s.
     pub(super) processor_s: f64,
@@ -59,7 +64,6 @@ pub(super) fn outcome(command: &mut Command, patience: Duration) -> Outcome {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log");
     let file = fs::File::create(&log).unwrap();
-    give_memory_back();
     let mut child = command
         .current_dir(repository())
         .env_remove("RUST_BACKTRACE")
@@ -69,7 +73,7 @@ pub(super) fn outcome(command: &mut Command, patience: Duration) -> Outcome {
         .spawn()
         .unwrap();
     let begin = Instant::now();
-    let mut is_late = false;
+    let (mut is_late, mut peak_mb) = (false, None);
     let (status, usage) = loop {
         if let Some(ended) = wait_with_usage(&child).unwrap() {
             break ended;
@@ -78,12 +82,13 @@ pub(super) fn outcome(command: &mut Command, patience: Duration) -> Outcome {
             child.kill().unwrap();
             is_late = true;
         }
-        std::thread::sleep(Duration::from_millis(2));
+        peak_mb = memory_mb(child.id(), "VmHWM:").ok().or(peak_mb);
+        std::thread::sleep(LOOK);
     };
     Outcome {
         status: status.code(),
         said: String::from_utf8_lossy(&fs::read(&log).unwrap()).into_owned(),
-        peak_mb: usage.peak_mb,
+        peak_mb: peak_mb.unwrap_or(usage.peak_mb),
         processor_s: usage.processor_s,
         took_s: begin.elapsed().as_secs_f64(),
     }
