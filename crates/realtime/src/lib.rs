@@ -21,7 +21,7 @@ use std::time::Duration;
 use rustix::io::Errno;
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{
-    ClockId, CpuSet, clock_nanosleep_absolute, sched_getaffinity, sched_setaffinity,
+    ClockId, CpuSet, Pid, clock_nanosleep_absolute, sched_getaffinity, sched_setaffinity,
     set_current_timer_slack,
 };
 use rustix::time::Timespec;
@@ -121,7 +121,20 @@ pub fn set_cpu_affinity(processors: &[usize]) -> Result<(), RealtimeError> {
 /// # Errors
 /// What the system says.
 pub fn allowed_processors() -> io::Result<Vec<usize>> {
-    let allowed = sched_getaffinity(None)?;
+    allowed(None)
+}
+
+/// The processors that another process's first thread may run on, numbered from 0.
+///
+/// # Errors
+/// What the system says, where there is no such process.
+pub fn processors_of(pid: u32) -> io::Result<Vec<usize>> {
+    let pid = Pid::from_raw(pid.cast_signed()).ok_or(io::ErrorKind::InvalidInput)?;
+    allowed(Some(pid))
+}
+
+fn allowed(thread: Option<Pid>) -> io::Result<Vec<usize>> {
+    let allowed = sched_getaffinity(thread)?;
     let processors = 0..CpuSet::MAX_CPU;
     Ok(processors.filter(|it| allowed.is_set(*it)).collect())
 }

@@ -115,14 +115,13 @@ impl Answer {
 
     /// An answer with one candidate of an earlier plan, which is selected.
     pub(super) fn of_kept(request_id: u64, plan: &KeptPlan, index: usize) -> Self {
-        let kept = &plan.candidates[index];
         let mut answer = Self::refused(request_id, &Refusal::new(Outcome::Ok, ""));
-        answer.candidates = vec![kept.candidate.clone()];
+        answer.candidates = vec![plan.candidates[index].clone()];
         answer.report.selected = 0;
         answer.report.candidate_count = 1;
         answer.report.candidates[0] = CandidateSummary {
             first_knot: 0,
-            ..kept.summary
+            ..plan.summaries[index]
         };
         answer.report.classical_certified = answer.not_learned();
         answer.set_plan(plan.plan_id, &plan.begin, Duration::ZERO);
@@ -130,12 +129,14 @@ impl Answer {
     }
 
     fn certified(task: &PlanTask, plan: &mut Plan, robot: &UnitRobot) -> Self {
-        let certified = mem::take(&mut plan.candidates);
-        let count = certified.len();
-        let errors = tip_errors(task, &certified, robot);
-        let both = certified.into_iter().zip(errors);
-        let deliverable = both.filter(|(candidate, error)| is_in_bounds(task, candidate, *error));
-        let (candidates, errors): (Vec<_>, Vec<f64>) = deliverable.unzip();
+        let mut candidates = mem::take(&mut plan.candidates);
+        let count = candidates.len();
+        let mut errors = tip_errors(task, &candidates, robot);
+        let is_deliverable = |(candidate, error)| is_in_bounds(task, candidate, error);
+        let both = candidates.iter().zip(errors.iter().copied());
+        let deliverable: Vec<bool> = both.map(is_deliverable).collect();
+        keep(&mut candidates, &deliverable);
+        keep(&mut errors, &deliverable);
         let (outcome, reason) = verdict(task, plan, &candidates, count - candidates.len());
         let mut answer = Self::refused(task.request_id, &Refusal::new(outcome, reason));
         let report = &mut answer.report;
@@ -301,6 +302,12 @@ fn tip_errors(task: &PlanTask, candidates: &[Candidate], robot: &UnitRobot) -> V
     let goal_tip = task.problem.goal_tip(robot);
     let error = |candidate: &Candidate| (robot.tip(&candidate.end()) - goal_tip).norm();
     candidates.iter().map(error).collect()
+}
+
+/// Keeps the items that are wanted.
+fn keep<T>(items: &mut Vec<T>, wanted: &[bool]) {
+    let mut wanted = wanted.iter();
+    items.retain(|_| wanted.next() == Some(&true));
 }
 
 fn is_in_bounds(task: &PlanTask, candidate: &Candidate, tip_error: f64) -> bool {

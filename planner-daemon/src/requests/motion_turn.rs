@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use planning::Candidate;
+use planning::{Candidate, Via};
 use shared_types::codes::{Outcome, Source};
 
 use super::answer::{Answer, is_deliverable};
@@ -12,7 +12,6 @@ use super::asker::Asker;
 use super::in_flight::{Attempt, EarlyExecution, InFlight, Queued};
 use super::plan_runner::InWork;
 use super::recent_plans::PlanBegin;
-use super::request_validator::PlanTask;
 use super::service::Service;
 use crate::execution::{ExecutionRefusal, ExecutionTiming, SelectedMotion, Switch, TimedGoal};
 use crate::goal_keeping::{PublishedMotion, Wanted};
@@ -132,7 +131,7 @@ impl Service {
         self.check_wanted(in_flight, leaves.as_ref(), candidate)?;
         self.execution.publish(SelectedMotion {
             motion: Arc::clone(&candidate.trajectory),
-            goals: timed_goals(&in_flight.queued.task, candidate),
+            goals: timed_goals(&in_flight.queued.task.goals(), candidate),
             leaves,
             draw: candidate.draw,
             plan_id: in_flight.plan_id,
@@ -196,11 +195,11 @@ impl InFlight {
     }
 }
 
-/// The goals of a task, with the times at which a candidate passes them.
-pub(super) fn timed_goals(task: &PlanTask, candidate: &Candidate) -> Arc<[TimedGoal]> {
+/// Goals, with the times at which a candidate to them passes them.
+pub(super) fn timed_goals(goals: &[Via], candidate: &Candidate) -> Arc<[TimedGoal]> {
     let passed_s = candidate.passages.iter().map(|passage| passage.time_s);
     let times_s = passed_s.chain([candidate.trajectory.duration()]);
-    let goals = task.goals().into_iter().zip(times_s);
+    let goals = goals.iter().copied().zip(times_s);
     goals
         .map(|(goal, time_s)| TimedGoal { goal, time_s })
         .collect()

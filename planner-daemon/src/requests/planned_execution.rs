@@ -8,6 +8,7 @@ use shared_types::valid::PlannedExecution;
 
 use super::answer::Answer;
 use super::asker::is_open;
+use super::motion_turn::timed_goals;
 use super::recent_plans::KeptPlan;
 use super::request_validator::check_requested;
 use super::service::Service;
@@ -50,12 +51,12 @@ impl Service {
             return Err(ExecutionRefusal::DaemonEnds);
         }
         let (leaves, planned_mono_ns) = plan.begin.to_execute()?;
-        let kept = &plan.candidates[index];
+        let candidate = &plan.candidates[index];
         self.execution.publish(SelectedMotion {
-            motion: Arc::clone(&kept.candidate.trajectory),
-            goals: Arc::clone(&kept.goals),
+            motion: Arc::clone(&candidate.trajectory),
+            goals: timed_goals(&plan.goals, candidate),
             leaves,
-            draw: kept.candidate.draw,
+            draw: candidate.draw,
             plan_id: plan.plan_id,
             is_replanned: false,
             timing: ExecutionTiming {

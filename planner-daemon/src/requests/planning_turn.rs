@@ -14,11 +14,10 @@ use super::asker::Asker;
 use super::in_flight::{Attempt, InFlight, Queued};
 use super::late_switch::{late_switch, until};
 use super::lead_times::{PlanKind, Work};
-use super::motion_turn::timed_goals;
 use super::plan_runner::{Early, Job, LateBegin, PlanOutput};
 use super::planned::Planned;
 use super::planner_kind::PlannerKind;
-use super::recent_plans::{KeptCandidate, KeptPlan, PlanBegin};
+use super::recent_plans::{KeptPlan, PlanBegin};
 use super::refusal::Refusal;
 use super::request_validator::PlanTask;
 use super::robot_start::{NotReady, begin_at_robot};
@@ -351,17 +350,13 @@ fn begins_too_late(asker: &Asker, begin: &PlanBegin) -> Option<Refusal> {
 /// A plan as it was answered.
 fn kept(in_flight: &InFlight, answer: Answer) -> KeptPlan {
     let selected = answer.selected().map(|(index, _)| index);
-    let summaries = answer.report.candidates;
-    let candidates = answer.candidates.into_iter().zip(summaries);
-    let candidates = candidates.map(|(candidate, summary)| KeptCandidate {
-        goals: timed_goals(&in_flight.queued.task, &candidate),
-        candidate,
-        summary,
-    });
+    let summaries = answer.report.candidates[..answer.candidates.len()].to_vec();
     KeptPlan {
         plan_id: in_flight.plan_id,
         begin: in_flight.begin,
+        goals: in_flight.queued.task.goals(),
         selected,
-        candidates: candidates.collect(),
+        candidates: answer.candidates,
+        summaries,
     }
 }

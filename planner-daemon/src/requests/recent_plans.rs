@@ -1,16 +1,15 @@
 //! The last plans, from which a request can go on, and whose candidates can be executed.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
 
-use planning::{Candidate, PreviousPlan, WAYPOINTS};
+use planning::{Candidate, PreviousPlan, Via, WAYPOINTS};
 use shared_types::capacity::RECENT_PLANS;
 use shared_types::codes::{MotionStart, PlanField};
 use shared_types::message::CandidateSummary;
 use shared_types::valid;
 
 use super::refusal::Refusal;
-use crate::execution::{ExecutionRefusal, Switch, TimedGoal};
+use crate::execution::{ExecutionRefusal, Switch};
 
 /// How the candidates of a plan begin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,24 +48,18 @@ impl PlanBegin {
     }
 }
 
-/// A candidate as it was answered.
-#[derive(Clone, Debug)]
-pub(crate) struct KeptCandidate {
-    pub(crate) candidate: Candidate,
-    /// Its figures in the answer.
-    pub(crate) summary: CandidateSummary,
-    /// The goals of its plan, and when it passes them.
-    pub(crate) goals: Arc<[TimedGoal]>,
-}
-
 /// A plan as it was answered.
 #[derive(Clone, Debug)]
 pub(crate) struct KeptPlan {
     pub(crate) plan_id: u64,
     pub(crate) begin: PlanBegin,
+    /// The goals, in their order.
+    pub(crate) goals: Vec<Via>,
     /// Index of the candidate that was selected, if one was.
     pub(crate) selected: Option<usize>,
-    pub(crate) candidates: Vec<KeptCandidate>,
+    pub(crate) candidates: Vec<Candidate>,
+    /// The candidates' figures in the answer.
+    pub(crate) summaries: Vec<CandidateSummary>,
 }
 
 /// The last [`RECENT_PLANS`] plans that had candidates, and at most one older one until it is freed.
@@ -97,7 +90,10 @@ impl RecentPlans {
     /// The plan that a request goes on from, with the motion that is followed.
     pub(crate) fn previous(&self, named: &valid::PreviousPlan) -> Result<PreviousPlan, Refusal> {
         let plan = self.find(named)?;
-        let motions = plan.candidates.iter().map(|c| &c.candidate.trajectory);
+        let motions = plan
+            .candidates
+            .iter()
+            .map(|candidate| &candidate.trajectory);
         Ok(PreviousPlan {
             paths: motions.map(|motion| motion.sample(WAYPOINTS)).collect(),
             followed: named.candidate.or(plan.selected),
@@ -143,25 +139,22 @@ impl RecentPlans {
 mod tests {
     use super::*;
     use crate::fixtures::candidate;
+    use std::sync::Arc;
 
     fn named(plan_id: u64, candidate: Option<usize>) -> valid::PreviousPlan {
         valid::PreviousPlan { plan_id, candidate }
     }
 
     fn plan(plan_id: u64, candidates: usize, selected: Option<usize>) -> KeptPlan {
-        let candidate = candidate();
-        let kept = KeptCandidate {
-            candidate,
-            summary: CandidateSummary::ZEROED,
-            goals: Arc::default(),
-        };
         KeptPlan {
             plan_id,
             begin: PlanBegin::AtRest {
                 not_before_mono_ns: None,
             },
+            goals: Vec::new(),
             selected,
-            candidates: vec![kept; candidates],
+            candidates: vec![candidate(); candidates],
+            summaries: vec![CandidateSummary::ZEROED; candidates],
         }
     }
 
@@ -187,7 +180,7 @@ mod tests {
     fn a_candidate_is_executed_as_it_was_answered() {
         let mut plans = RecentPlans::default();
         let (chosen, open) = (plan(7, 2, Some(1)), plan(8, 2, None));
-        let motion = Arc::clone(&chosen.candidates[1].candidate.trajectory);
+        let motion = Arc::clone(&chosen.candidates[1].trajectory);
         plans.keep(chosen);
         plans.keep(open);
         let index = |id, candidate| plans.candidate(&named(id, candidate)).unwrap().1;
@@ -196,10 +189,7 @@ mod tests {
             (1, 0, 1)
         );
         let (kept, index) = plans.candidate(&named(7, None)).unwrap();
-        assert!(Arc::ptr_eq(
-            &kept.candidates[index].candidate.trajectory,
-            &motion
-        ));
+        assert!(Arc::ptr_eq(&kept.candidates[index].trajectory, &motion));
         for (named, field, text) in [
             (
                 named(9, None),

@@ -126,7 +126,9 @@ impl PlanTask {
             goal: self.problem.goal,
             tip_tolerance: self.tip_tolerance,
         };
-        [self.whole_via(), vec![last]].concat()
+        let mut goals = self.whole_via();
+        goals.push(last);
+        goals
     }
 }
 

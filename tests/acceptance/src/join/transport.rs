@@ -19,6 +19,7 @@ use tests::world::{Settings, World};
 
 use super::examples::TIP_M;
 use super::stamped_replies::{DIGITS, StampedReply};
+use crate::machine::Pinned;
 use crate::report::Report;
 use crate::scale::Scale;
 
@@ -32,13 +33,20 @@ const OVERLOAD: u32 = 5_000;
 const RATE_OFF: f64 = 0.01;
 /// Percentiles of an open loop, by their names.
 const PERCENTILES: [(&str, f64); 4] = [("p50", 0.5), ("p90", 0.9), ("p99", 0.99), ("p99.9", 0.999)];
+/// Round trips of each transport in each window: with fewer, it counts on which processors the kernel happens to put the threads.
+const ROUND_TRIPS: &str = "20000";
 /// What the planner `null` answers.
 const CANDIDATES: usize = 10;
 const KNOTS: usize = 64;
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
     let command = "pcc latency --baselines COUNT, of a daemon with planner = \"null\"";
-    report.group("transport", command, |report| transport(report, scale));
+    report.group("transport", command, transport);
+    report.group(
+        "transport, all on one processor",
+        command,
+        transport_on_one_processor,
+    );
     let command = "pcc plan, and /proc/PID/maps";
     report.group("transport: no copies", command, no_copies);
     let command = "pcc latency --rate RATE --requests COUNT --clients 4";
@@ -66,26 +74,8 @@ pub(super) fn latency(world: &World, arguments: &[&str]) -> anyhow::Result<Value
     Ok(serde_json::from_str(&fs::read_to_string(&file)?)?)
 }
 
-fn transport(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let settings = Settings {
-        daemon: vec![
-            ("planner", "null".into()),
-            ("knots_per_candidate", (KNOTS as i64).into()),
-        ],
-        ..Settings::default()
-    };
-    let mut stack = daemon(&settings)?;
-    let lengths = stored_answer(&mut stack.client)?;
-    report.check(
-        "transport: knots of each candidate that the planner `null` answers",
-        format!("{lengths:?}"),
-        &format!("{CANDIDATES} candidates of {KNOTS} knots"),
-        lengths == [KNOTS; CANDIDATES],
-    );
-    stack.disconnect_client();
-    let count = scale.pick("5000", "20000");
-    let measured = latency(&stack.world, &["--requests", "100", "--baselines", count])?;
-    let baselines = &measured["baselines"];
+fn transport(report: &mut Report) -> anyhow::Result<()> {
+    let baselines = &baselines(report)?;
     let bytes = size_of::<PlanReport>() + CANDIDATES * KNOTS * size_of::<Knot>();
     report.check(
         "transport: bytes of an answer of each transport",
@@ -114,6 +104,39 @@ fn transport(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         report.at_most(&line, ratio.context("no ratio")?, bar);
     }
     Ok(())
+}
+
+/// Without the waking of processors, which is the most of a round trip: what is left is work.
+fn transport_on_one_processor(report: &mut Report) -> anyhow::Result<()> {
+    let _pinned = Pinned::to_the_last()?;
+    let baselines = baselines(report)?;
+    report.shown(
+        "transport, all on one processor: the quietest window, all together where several are, µs",
+        text_of(&baselines["quietest"])?,
+    );
+    Ok(())
+}
+
+/// What `pcc latency` measures beside a daemon that answers from a store.
+fn baselines(report: &mut Report) -> anyhow::Result<Value> {
+    let settings = Settings {
+        daemon: vec![
+            ("planner", "null".into()),
+            ("knots_per_candidate", (KNOTS as i64).into()),
+        ],
+        ..Settings::default()
+    };
+    let mut stack = daemon(&settings)?;
+    let lengths = stored_answer(&mut stack.client)?;
+    report.check(
+        "transport: knots of each candidate that the planner `null` answers",
+        format!("{lengths:?}"),
+        &format!("{CANDIDATES} candidates of {KNOTS} knots"),
+        lengths == [KNOTS; CANDIDATES],
+    );
+    stack.disconnect_client();
+    let arguments = ["--requests", "100", "--baselines", ROUND_TRIPS];
+    Ok(latency(&stack.world, &arguments)?["baselines"].take())
 }
 
 /// Knots of each candidate of the second answer: the first one is planned, and answers all others.

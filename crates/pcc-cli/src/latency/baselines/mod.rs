@@ -15,7 +15,7 @@ use client::{Client, PlanAnswer};
 use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 use shared_types::clock::mono_now_ns;
-use shared_types::ipc::IpcOptions;
+use shared_types::ipc::{IpcOptions, Role, RoleLock};
 use shared_types::message::{Knot, PlanReport};
 use shared_types::valid::PlanRequest;
 
@@ -79,11 +79,15 @@ impl Baselines {
         let mut daemon = Client::connect(options)?;
         let knots = knots(&daemon.plan(request, PATIENCE)?);
         anyhow::ensure!(!knots.is_empty(), "the daemon has no plan for it");
-        let start = |transport| Server::start(options, transport, &knots);
+        let start = |transport, beside| Server::start(options, transport, beside, &knots);
         let servers = [
-            start(Transport::RawHandedOver)?,
-            start(Transport::Raw)?,
-            start(Transport::Copying)?,
+            // As the daemon's threads that hand a request to each other keep to.
+            start(
+                Transport::RawHandedOver,
+                RoleLock::holder(options, Role::PlannerDaemon),
+            )?,
+            start(Transport::Raw, None)?,
+            start(Transport::Copying, None)?,
         ];
         let [handed_over, raw, copying] = &servers;
         let mut handed_over = RawClient::connect(&handed_over.options)?;

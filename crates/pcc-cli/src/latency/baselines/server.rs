@@ -34,10 +34,16 @@ pub(crate) struct Arguments {
     /// How it is asked and answers.
     #[arg(value_enum)]
     transport: Transport,
+    /// The process whose processors it keeps to.
+    #[arg(long)]
+    beside: Option<u32>,
 }
 
 /// Serves one client the answer that comes on standard input, until that ends.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    if let Some(pid) = arguments.beside {
+        realtime::set_cpu_affinity(&realtime::processors_of(pid)?)?;
+    }
     let answer = Answer::read(&mut io::stdin())?;
     let is_over = Arc::<AtomicBool>::default();
     let at_the_end = Arc::clone(&is_over);
@@ -68,10 +74,11 @@ pub(super) struct Server {
 }
 
 impl Server {
-    /// Starts a server that answers with these knots, and waits until it serves.
+    /// Starts a server that answers with these knots, on the processors of the process `beside` if there is one, and waits until it serves.
     pub(super) fn start(
         options: &IpcOptions,
         transport: Transport,
+        beside: Option<u32>,
         knots: &[Knot],
     ) -> anyhow::Result<Self> {
         let name = transport.to_possible_value().expect("none is skipped");
@@ -80,8 +87,10 @@ impl Server {
             prefix: format!("{}-{}-{}", options.prefix, transport as u8, process::id()),
             root: options.root.clone(),
         };
+        let beside = beside.map(|pid| format!("--beside={pid}"));
         let process = Command::new(env::current_exe()?)
             .args(["latency-server", name])
+            .args(beside)
             .env("PCC_PREFIX", &options.prefix)
             .env("PCC_ROOT", &options.root)
             .stdin(Stdio::piped())
