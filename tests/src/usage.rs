@@ -9,7 +9,7 @@ use std::process::{Child, ExitStatus};
 /// Memory and processor time of a process, and of those that it has waited for.
 #[derive(Clone, Copy, Debug)]
 pub struct Usage {
-    /// Largest resident memory, 10^6 bytes; until it is another program a child runs in its parent's, which the kernel counts as the child's.
+    /// Largest resident memory, 10^6 bytes; at least its parent's when it was started, as it runs in that memory until it is another program.
     pub peak_mb: f64,
     /// Processor time of all threads, the kernel's for them included, s.
     pub processor_s: f64,

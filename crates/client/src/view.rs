@@ -83,7 +83,7 @@ impl ControllerView {
         take_in(&self.states, &mut self.latest)
     }
 
-    /// The newest state, published after this call; none where the controller is silent.
+    /// Waits for a state that the controller publishes after this call, and returns the newest; none where none comes in time.
     ///
     /// # Errors
     /// As [`ControllerView::latest_state`].

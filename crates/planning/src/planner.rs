@@ -45,8 +45,7 @@ impl Planner {
         &self.resources.robot
     }
 
-    /// Runs a task on one of the workers and returns at once; [`Planner::plan`] called in it begins on that worker, without another thread
-    /// that would have to wake.
+    /// Runs a task on one of the workers and returns at once; [`Planner::plan`] called in it begins on that worker.
     pub fn spawn(&self, task: impl FnOnce() + Send + 'static) {
         self.workers.spawn(task);
     }

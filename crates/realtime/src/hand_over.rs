@@ -1,7 +1,7 @@
-//! A queue from one thread to another that costs one waking up.
+//! A queue from one thread to another that wakes its receiver once.
 //!
-//! A channel of the standard library wakes its receiver while it holds the lock that the receiver needs next, so that this sleeps once more
-//! where it wakes fast. Here the lock is free by then (decision 0045).
+//! A channel of the standard library wakes its receiver while it holds a lock that the receiver needs to wait again: one that has little to do
+//! until then sleeps for that lock once more. Here it is free by then (decision 0045).
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -52,7 +52,7 @@ impl<T> Shared<T> {
 }
 
 impl<T> Sender<T> {
-    /// Hands a value over; never waits for the receiver.
+    /// Hands a value over; never waits for the receiver, and does not notice where that is gone.
     pub fn send(&self, value: T) {
         self.0.change(|queue| queue.values.push_back(value));
     }

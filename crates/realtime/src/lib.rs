@@ -127,10 +127,10 @@ pub fn allowed_processors() -> io::Result<Vec<usize>> {
 /// The processors that another process's first thread may run on, numbered from 0.
 ///
 /// # Errors
-/// What the system says, where there is no such process.
+/// What the system says: there is no such process.
 pub fn processors_of(pid: u32) -> io::Result<Vec<usize>> {
-    let pid = Pid::from_raw(pid.cast_signed()).ok_or(io::ErrorKind::InvalidInput)?;
-    allowed(Some(pid))
+    let pid = i32::try_from(pid).ok().and_then(Pid::from_raw);
+    allowed(Some(pid.ok_or(io::ErrorKind::NotFound)?))
 }
 
 fn allowed(thread: Option<Pid>) -> io::Result<Vec<usize>> {
@@ -261,6 +261,14 @@ mod tests {
             rustix::thread::current_timer_slack().unwrap()
         });
         assert_eq!(thread.join().unwrap(), SLACK_NS);
+    }
+
+    #[test]
+    fn the_processors_of_a_process_are_told_and_those_of_none_are_not() {
+        let own = processors_of(std::process::id()).unwrap();
+        assert!(!own.is_empty());
+        assert!(processors_of(0).is_err());
+        assert!(processors_of(u32::MAX).is_err());
     }
 
     #[test]

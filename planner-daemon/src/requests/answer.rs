@@ -131,12 +131,15 @@ impl Answer {
     fn certified(task: &PlanTask, plan: &mut Plan, robot: &UnitRobot) -> Self {
         let mut candidates = mem::take(&mut plan.candidates);
         let count = candidates.len();
-        let mut errors = tip_errors(task, &candidates, robot);
-        let is_deliverable = |(candidate, error)| is_in_bounds(task, candidate, error);
-        let both = candidates.iter().zip(errors.iter().copied());
-        let deliverable: Vec<bool> = both.map(is_deliverable).collect();
-        keep(&mut candidates, &deliverable);
-        keep(&mut errors, &deliverable);
+        let (tip_error, mut errors) = (tip_error(task, robot), Vec::with_capacity(count));
+        candidates.retain(|candidate| {
+            let error = tip_error(candidate);
+            let fits = is_in_bounds(task, candidate, error);
+            if fits {
+                errors.push(error);
+            }
+            fits
+        });
         let (outcome, reason) = verdict(task, plan, &candidates, count - candidates.len());
         let mut answer = Self::refused(task.request_id, &Refusal::new(outcome, reason));
         let report = &mut answer.report;
@@ -293,21 +296,17 @@ fn nanoseconds(duration: Duration) -> u64 {
 
 /// Whether a candidate reaches the goal as closely as the client wants and fits the message and its share of the answer.
 pub(crate) fn is_deliverable(task: &PlanTask, candidate: &Candidate, robot: &UnitRobot) -> bool {
-    let errors = tip_errors(task, std::slice::from_ref(candidate), robot);
-    is_in_bounds(task, candidate, errors[0])
+    is_in_bounds(task, candidate, tip_error(task, robot)(candidate))
 }
 
-/// Distances of the final tips to the goal's, in sections.
-fn tip_errors(task: &PlanTask, candidates: &[Candidate], robot: &UnitRobot) -> Vec<f64> {
+/// Distance of a candidate's final tip to the goal's, in sections.
+fn tip_error(task: &PlanTask, robot: &UnitRobot) -> impl Fn(&Candidate) -> f64 {
     let goal_tip = task.problem.goal_tip(robot);
-    let error = |candidate: &Candidate| (robot.tip(&candidate.end()) - goal_tip).norm();
-    candidates.iter().map(error).collect()
+    move |candidate| (robot.tip(&candidate.end()) - goal_tip).norm()
 }
 
-/// Keeps the items that are wanted.
-fn keep<T>(items: &mut Vec<T>, wanted: &[bool]) {
-    let mut wanted = wanted.iter();
-    items.retain(|_| wanted.next() == Some(&true));
+fn tip_errors(task: &PlanTask, candidates: &[Candidate], robot: &UnitRobot) -> Vec<f64> {
+    candidates.iter().map(tip_error(task, robot)).collect()
 }
 
 fn is_in_bounds(task: &PlanTask, candidate: &Candidate, tip_error: f64) -> bool {

@@ -350,13 +350,13 @@ fn begins_too_late(asker: &Asker, begin: &PlanBegin) -> Option<Refusal> {
 /// A plan as it was answered.
 fn kept(in_flight: &InFlight, answer: Answer) -> KeptPlan {
     let selected = answer.selected().map(|(index, _)| index);
-    let summaries = answer.report.candidates[..answer.candidates.len()].to_vec();
+    let summaries = answer.report.candidates.into_iter();
     KeptPlan {
         plan_id: in_flight.plan_id,
         begin: in_flight.begin,
         goals: in_flight.queued.task.goals(),
         selected,
+        summaries: summaries.take(answer.candidates.len()).collect(),
         candidates: answer.candidates,
-        summaries,
     }
 }

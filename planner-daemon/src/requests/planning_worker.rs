@@ -9,16 +9,15 @@ use realtime::hand_over::{self, Sender};
 
 type Task = Box<dyn FnOnce(&Planner) + Send>;
 
-/// Runs tasks one after the other on one of the planner's workers, until this is dropped.
+/// Runs tasks one after the other on one of the planner's workers, which ends with the planner once this is dropped and they are done.
 ///
-/// It sleeps as soon as there is no task, whereas rayon's workers look for work for a while first; and a task's plan begins on it, without
-/// another thread that would have to wake.
+/// It sleeps as soon as there is no task, whereas rayon's workers look for work for a while first; and the plan of a task begins on it.
 pub(super) struct PlanningWorker {
     tasks: Sender<Task>,
 }
 
 impl PlanningWorker {
-    /// Takes one of the planner's workers: nothing that needs every worker can be run on the planner any more.
+    /// Takes the planner, and one of its workers.
     pub(super) fn start(planner: Planner) -> Self {
         let (tasks, to_run) = hand_over::channel::<Task>();
         let planner = Arc::new(planner);
@@ -34,7 +33,7 @@ impl PlanningWorker {
     /// Keeps the calling thread to the worker's processors: where those are one, no other one has to wake for what the two hand to each other.
     ///
     /// # Errors
-    /// [`RealtimeError::Processors`].
+    /// [`RealtimeError::Processors`], also where the worker cannot tell its own (none are named then).
     pub(super) fn share_processors(&self) -> Result<(), RealtimeError> {
         let (tell, told) = sync_channel(1);
         self.run(move |_| {
@@ -42,8 +41,12 @@ impl PlanningWorker {
         });
         match told.recv() {
             Ok(Ok(processors)) => realtime::set_cpu_affinity(&processors),
-            // The system does not tell them, or the worker panicked, which ends the process.
-            _ => Ok(()),
+            Ok(Err(error)) => Err(RealtimeError::Processors {
+                processors: Vec::new(),
+                error,
+            }),
+            // The worker panicked, which ends the process.
+            Err(_) => Ok(()),
         }
     }
 
@@ -61,8 +64,28 @@ mod tests {
     use std::thread;
 
     #[test]
+    fn tasks_run_in_their_order_on_one_thread_to_the_last() {
+        let planner = Planner::new(unit_robot(), Models::default(), 2).unwrap();
+        let worker = PlanningWorker::start(planner);
+        let (tell, told) = sync_channel(8);
+        for number in 0..8 {
+            let tell = tell.clone();
+            worker.run(move |_| tell.send((number, thread::current().id())).unwrap());
+        }
+        drop((worker, tell));
+        // It ends with the last task, as its sender is gone then.
+        let (numbers, threads): (Vec<_>, Vec<_>) = told.iter().unzip();
+        assert!(numbers.into_iter().eq(0..8));
+        assert!(threads.iter().all(|thread| *thread == threads[0]));
+    }
+
+    #[test]
     fn who_shares_its_processors_keeps_to_the_worker_s() {
-        let last = *realtime::allowed_processors().unwrap().last().unwrap();
+        let allowed = realtime::allowed_processors().unwrap();
+        let [_, .., last] = allowed[..] else {
+            // There is one, which everybody shares.
+            return;
+        };
         let planner = Planner::new(unit_robot(), Models::default(), 1).unwrap();
         planner.on_every_worker(|_| realtime::set_cpu_affinity(&[last]).unwrap());
         let worker = PlanningWorker::start(planner);

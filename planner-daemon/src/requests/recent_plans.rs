@@ -58,7 +58,7 @@ pub(crate) struct KeptPlan {
     /// Index of the candidate that was selected, if one was.
     pub(crate) selected: Option<usize>,
     pub(crate) candidates: Vec<Candidate>,
-    /// The candidates' figures in the answer.
+    /// Their figures in the answer, in the same order.
     pub(crate) summaries: Vec<CandidateSummary>,
 }
 

@@ -33,7 +33,7 @@ const OVERLOAD: u32 = 5_000;
 const RATE_OFF: f64 = 0.01;
 /// Percentiles of an open loop, by their names.
 const PERCENTILES: [(&str, f64); 4] = [("p50", 0.5), ("p90", 0.9), ("p99", 0.99), ("p99.9", 0.999)];
-/// Round trips of each transport in each window: with fewer, it counts on which processors the kernel happens to put the threads.
+/// Round trips of each transport in each window.
 const ROUND_TRIPS: &str = "20000";
 /// What the planner `null` answers.
 const CANDIDATES: usize = 10;
@@ -75,7 +75,7 @@ pub(super) fn latency(world: &World, arguments: &[&str]) -> anyhow::Result<Value
 }
 
 fn transport(report: &mut Report) -> anyhow::Result<()> {
-    let baselines = &baselines(report)?;
+    let baselines = &baselines(report, "transport")?;
     let bytes = size_of::<PlanReport>() + CANDIDATES * KNOTS * size_of::<Knot>();
     report.check(
         "transport: bytes of an answer of each transport",
@@ -109,7 +109,7 @@ fn transport(report: &mut Report) -> anyhow::Result<()> {
 /// Without the waking of processors, which is the most of a round trip: what is left is work.
 fn transport_on_one_processor(report: &mut Report) -> anyhow::Result<()> {
     let _pinned = Pinned::to_the_last()?;
-    let baselines = baselines(report)?;
+    let baselines = baselines(report, "transport, all on one processor")?;
     report.shown(
         "transport, all on one processor: the quietest window, all together where several are, µs",
         text_of(&baselines["quietest"])?,
@@ -118,7 +118,7 @@ fn transport_on_one_processor(report: &mut Report) -> anyhow::Result<()> {
 }
 
 /// What `pcc latency` measures beside a daemon that answers from a store.
-fn baselines(report: &mut Report) -> anyhow::Result<Value> {
+fn baselines(report: &mut Report, group: &str) -> anyhow::Result<Value> {
     let settings = Settings {
         daemon: vec![
             ("planner", "null".into()),
@@ -129,7 +129,7 @@ fn baselines(report: &mut Report) -> anyhow::Result<Value> {
     let mut stack = daemon(&settings)?;
     let lengths = stored_answer(&mut stack.client)?;
     report.check(
-        "transport: knots of each candidate that the planner `null` answers",
+        &format!("{group}: knots of each candidate that the planner `null` answers"),
         format!("{lengths:?}"),
         &format!("{CANDIDATES} candidates of {KNOTS} knots"),
         lengths == [KNOTS; CANDIDATES],

@@ -37,9 +37,10 @@ const LONGEST_NS: u64 = 10_000_000_000;
 /// How long an answer may be in coming.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The transports, in this order: the daemon's comes first, and is compared with the second one.
-const TRANSPORTS: [&str; 4] = [
+const TRANSPORTS: [&str; 5] = [
     "planner-daemon",
     "raw iceoryx2, one hand-over to a thread",
+    "raw iceoryx2, one hand-over, on any processor",
     "raw iceoryx2",
     "Unix socket, postcard",
 ];
@@ -80,17 +81,18 @@ impl Baselines {
         let knots = knots(&daemon.plan(request, PATIENCE)?);
         anyhow::ensure!(!knots.is_empty(), "the daemon has no plan for it");
         let start = |transport, beside| Server::start(options, transport, beside, &knots);
+        let pid = RoleLock::holder(options, Role::PlannerDaemon);
+        let pid = pid.context("the daemon's process is not known")?;
         let servers = [
-            // As the daemon's threads that hand a request to each other keep to.
-            start(
-                Transport::RawHandedOver,
-                RoleLock::holder(options, Role::PlannerDaemon),
-            )?,
+            // On the processors of the daemon's service thread.
+            start(Transport::RawHandedOver, Some(pid))?,
+            start(Transport::RawHandedOver, None)?,
             start(Transport::Raw, None)?,
             start(Transport::Copying, None)?,
         ];
-        let [handed_over, raw, copying] = &servers;
+        let [handed_over, handed_over_anywhere, raw, copying] = &servers;
         let mut handed_over = RawClient::connect(&handed_over.options)?;
+        let mut handed_over_anywhere = RawClient::connect(&handed_over_anywhere.options)?;
         let mut raw = RawClient::connect(&raw.options)?;
         let mut copying = CopyingClient::connect(&copying.options)?;
         let expected = checksum(&knots);
@@ -100,6 +102,7 @@ impl Baselines {
             let mut round_trips: [RoundTrip; TRANSPORTS.len()] = [
                 &mut || read_answer(&daemon.plan(request, PATIENCE)?),
                 &mut || handed_over.round_trip(PATIENCE),
+                &mut || handed_over_anywhere.round_trip(PATIENCE),
                 &mut || raw.round_trip(PATIENCE),
                 &mut || copying.round_trip(),
             ];

@@ -10,7 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, ensure};
-use realtime::hand_over::{self, Sender};
+use realtime::hand_over;
 use rustix::event::{EventfdFlags, eventfd};
 use shared_types::capacity::MAX_KNOTS;
 use shared_types::ipc::{
@@ -28,7 +28,7 @@ const CLIENT_SLEEP: Duration = Duration::from_millis(2);
 
 /// A thread that is handed each request, and says when it has had it.
 struct Worker {
-    jobs: Sender<()>,
+    jobs: hand_over::Sender<()>,
     done: Receiver<()>,
     /// Readable when one is done.
     wake: Arc<OwnedFd>,

@@ -42,7 +42,9 @@ pub(crate) struct Arguments {
 /// Serves one client the answer that comes on standard input, until that ends.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(pid) = arguments.beside {
-        realtime::set_cpu_affinity(&realtime::processors_of(pid)?)?;
+        let processors = realtime::processors_of(pid)
+            .with_context(|| format!("the processors of process {pid} are not known"))?;
+        realtime::set_cpu_affinity(&processors)?;
     }
     let answer = Answer::read(&mut io::stdin())?;
     let is_over = Arc::<AtomicBool>::default();
@@ -81,10 +83,16 @@ impl Server {
         beside: Option<u32>,
         knots: &[Knot],
     ) -> anyhow::Result<Self> {
+        let place = if beside.is_some() { "b" } else { "" };
         let name = transport.to_possible_value().expect("none is skipped");
         let name = name.get_name();
         let options = IpcOptions {
-            prefix: format!("{}-{}-{}", options.prefix, transport as u8, process::id()),
+            prefix: format!(
+                "{}-{}{place}-{}",
+                options.prefix,
+                transport as u8,
+                process::id()
+            ),
             root: options.root.clone(),
         };
         let beside = beside.map(|pid| format!("--beside={pid}"));

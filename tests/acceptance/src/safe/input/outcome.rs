@@ -14,7 +14,7 @@ use crate::machine::memory_mb;
 /// Longer than anything here should take on a busy machine.
 pub(super) const PATIENCE: Duration = Duration::from_secs(120);
 
-/// From one look at a program to the next: nothing writes tens of MB in less.
+/// From one look at a program to the next.
 const LOOK: Duration = Duration::from_millis(1);
 
 /// What a program did.
@@ -23,7 +23,8 @@ pub(super) struct Outcome {
     pub(super) status: Option<i32>,
     /// What it wrote.
     pub(super) said: String,
-    /// Its largest resident memory, 10^6 bytes, up to [`LOOK`] before its end.
+    /// Its largest resident memory, 10^6 bytes: as the kernel counted it from its start to its end, where that is more than this process ever took, whose
+    /// memory counts as a child's until it is another program; else as it was seen last before its end.
     pub(super) peak_mb: f64,
     /// Processor time of all its threads, s.
     pub(super) processor_s: f64,
@@ -64,6 +65,7 @@ pub(super) fn outcome(command: &mut Command, patience: Duration) -> Outcome {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log");
     let file = fs::File::create(&log).unwrap();
+    let own_peak_mb = memory_mb(std::process::id(), "VmHWM:").unwrap();
     let mut child = command
         .current_dir(repository())
         .env_remove("RUST_BACKTRACE")
@@ -73,7 +75,7 @@ pub(super) fn outcome(command: &mut Command, patience: Duration) -> Outcome {
         .spawn()
         .unwrap();
     let begin = Instant::now();
-    let (mut is_late, mut peak_mb) = (false, None);
+    let (mut is_late, mut seen_peak_mb) = (false, None);
     let (status, usage) = loop {
         if let Some(ended) = wait_with_usage(&child).unwrap() {
             break ended;
@@ -82,13 +84,15 @@ pub(super) fn outcome(command: &mut Command, patience: Duration) -> Outcome {
             child.kill().unwrap();
             is_late = true;
         }
-        peak_mb = memory_mb(child.id(), "VmHWM:").ok().or(peak_mb);
+        seen_peak_mb = memory_mb(child.id(), "VmHWM:").ok().or(seen_peak_mb);
         std::thread::sleep(LOOK);
     };
     Outcome {
         status: status.code(),
         said: String::from_utf8_lossy(&fs::read(&log).unwrap()).into_owned(),
-        peak_mb: peak_mb.unwrap_or(usage.peak_mb),
+        peak_mb: seen_peak_mb
+            .filter(|_| usage.peak_mb <= own_peak_mb)
+            .unwrap_or(usage.peak_mb),
         processor_s: usage.processor_s,
         took_s: begin.elapsed().as_secs_f64(),
     }
