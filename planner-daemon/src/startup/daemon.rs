@@ -180,7 +180,8 @@ impl Daemon {
         })
     }
 
-    /// Serves until `terminated` is set, and answers the running plan then.
+    /// Serves until `terminated` is set, and answers the running plan then. The calling thread stays where it served: on the processors of a planning
+    /// thread (decision 0045).
     pub fn run(&mut self, terminated: &AtomicBool) {
         tracing::info!("ready");
         self.service.run(terminated);
