@@ -26,6 +26,8 @@ pub(super) const LIMIT: Duration = Duration::from_secs(30);
 const BALL: [f64; 8] = [3.0, 0.0, 1.0, 0.1, 0.2, 0.05, -0.1, 2.0];
 /// How far from its way rounding may tell a ball, m.
 const ROUNDING_M: f64 = 1e-12;
+/// How long a controller's next state may be in coming.
+const STATE_WITHIN: Duration = Duration::from_millis(100);
 
 /// An example by its name, without its ending.
 pub(super) struct Program {
@@ -320,7 +322,8 @@ impl Examples {
 
 pub(super) fn wait_until_held(stack: &mut Stack) -> Result<(), TimedOut> {
     wait_for("a controller that holds", PATIENCE, || {
-        let state = stack.controller.latest_state().ok().flatten()?;
+        // Not one of a controller that has ended.
+        let state = stack.controller.next_state(STATE_WITHIN).ok().flatten()?;
         (state.state == LoopState::Holding).then_some(())
     })
 }
