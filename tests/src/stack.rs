@@ -20,6 +20,8 @@ use crate::world::{Settings, World};
 
 /// Long enough for everything that should happen at all.
 pub const PATIENCE: Duration = Duration::from_secs(60);
+/// Longest wait for one state of the controller.
+const STATE_WITHIN: Duration = Duration::from_millis(100);
 /// Deadline of requests whose answers are compared: never reached.
 pub const NO_DEADLINE: Duration = Duration::from_secs(60);
 /// How often a motion that was refused because something is not ready yet is asked for.
@@ -283,6 +285,27 @@ impl Stack {
             (is_new && state.state == LoopState::Holding).then_some(())
         });
         held.map_err(|_| self.not_ready(Part::Controller, "the controller does not hold"))
+    }
+
+    /// Waits until the controller holds, by a state from now on: not one of a controller that has ended.
+    ///
+    /// # Errors
+    /// [`TimedOut`] with the logs.
+    pub fn wait_until_held(&mut self) -> Result<(), TimedOut> {
+        self.wait_for_state(&[LoopState::Holding])
+    }
+
+    /// The same of any of these states.
+    ///
+    /// # Errors
+    /// [`TimedOut`] with the logs.
+    pub fn wait_for_state(&mut self, states: &[LoopState]) -> Result<(), TimedOut> {
+        let view = &mut self.controller;
+        let reached = wait_for("the controller's state", PATIENCE, || {
+            let state = view.next_state(STATE_WITHIN).ok().flatten()?;
+            states.contains(&state.state).then_some(())
+        });
+        reached.map_err(|_| self.not_ready(Part::Controller, &format!("in none of {states:?}")))
     }
 
     fn not_ready(&mut self, part: Part, what: &str) -> TimedOut {

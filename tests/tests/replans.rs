@@ -4,7 +4,7 @@
 use std::thread::sleep;
 use std::time::Duration;
 
-use shared_types::codes::{LoopState, MotionOutcome, Outcome};
+use shared_types::codes::{MotionOutcome, Outcome};
 use shared_types::valid::{Goal, PlanRequest};
 use tests::judge::Judge;
 use tests::listener::{Heard, Listener};
@@ -28,14 +28,6 @@ fn request(round: usize) -> PlanRequest {
         execute: true,
         ..PlanRequest::from_robot(Goal::tip(TIPS[round % TIPS.len()]))
     }
-}
-
-fn wait_until_held(stack: &mut Stack) {
-    let held = wait_for("the robot rests", PATIENCE, || {
-        let state = stack.controller.latest_state().unwrap()?;
-        (state.state == LoopState::Holding).then_some(())
-    });
-    held.unwrap();
 }
 
 fn assert_within_limits(stack: &Stack, heard: &Heard) {
@@ -74,7 +66,7 @@ fn a_motion_that_comes_too_late_for_its_switch_is_joined_again_or_its_plan_made_
         }
     }
     assert_eq!(seen, [true; 2], "the premise, motions came too late");
-    wait_until_held(&mut stack);
+    stack.wait_until_held().unwrap();
     sleep(Duration::from_millis(50));
     let heard = listener.take();
     for id in published {
@@ -124,7 +116,7 @@ fn a_plan_whose_motion_is_on_its_way_makes_way_for_the_next_request() {
         assert_eq!(report.outcome, Outcome::Ok, "{}", report.reason);
     }
     assert!(has_made_way, "the premise, a plan was in work");
-    wait_until_held(&mut stack);
+    stack.wait_until_held().unwrap();
     let heard = listener.take();
     assert_within_limits(&stack, &heard);
 }

@@ -102,6 +102,22 @@ pub fn lock_memory(pages: Pages) -> Result<(), RealtimeError> {
 /// # Errors
 /// [`RealtimeError::Processors`] if none of them exists or is allowed.
 pub fn set_cpu_affinity(processors: &[usize]) -> Result<(), RealtimeError> {
+    bind(None, processors)
+}
+
+/// Binds a thread of this process, named by its [`thread_id`], to some processors.
+///
+/// # Errors
+/// [`RealtimeError::Processors`] if there is no such thread, or none of the processors exists or is allowed.
+pub fn set_cpu_affinity_of(thread: u32, processors: &[usize]) -> Result<(), RealtimeError> {
+    let id = named(thread).map_err(|error| RealtimeError::Processors {
+        processors: processors.to_vec(),
+        error,
+    })?;
+    bind(Some(id), processors)
+}
+
+fn bind(thread: Option<Pid>, processors: &[usize]) -> Result<(), RealtimeError> {
     let refused = |error| RealtimeError::Processors {
         processors: processors.to_vec(),
         error,
@@ -113,7 +129,13 @@ pub fn set_cpu_affinity(processors: &[usize]) -> Result<(), RealtimeError> {
         }
         set.set(processor);
     }
-    sched_setaffinity(None, &set).map_err(|error| refused(error.into()))
+    sched_setaffinity(thread, &set).map_err(|error| refused(error.into()))
+}
+
+/// The processor that this thread runs on now, numbered from 0.
+#[must_use]
+pub fn current_processor() -> usize {
+    rustix::thread::sched_getcpu()
 }
 
 /// The processors that this thread may run on, numbered from 0.
@@ -121,22 +143,14 @@ pub fn set_cpu_affinity(processors: &[usize]) -> Result<(), RealtimeError> {
 /// # Errors
 /// What the system says.
 pub fn allowed_processors() -> io::Result<Vec<usize>> {
-    allowed(None)
-}
-
-/// The processors that another process's first thread may run on, numbered from 0.
-///
-/// # Errors
-/// What the system says: there is no such process.
-pub fn processors_of(pid: u32) -> io::Result<Vec<usize>> {
-    let pid = i32::try_from(pid).ok().and_then(Pid::from_raw);
-    allowed(Some(pid.ok_or(io::ErrorKind::NotFound)?))
-}
-
-fn allowed(thread: Option<Pid>) -> io::Result<Vec<usize>> {
-    let allowed = sched_getaffinity(thread)?;
+    let allowed = sched_getaffinity(None)?;
     let processors = 0..CpuSet::MAX_CPU;
     Ok(processors.filter(|it| allowed.is_set(*it)).collect())
+}
+
+fn named(thread: u32) -> io::Result<Pid> {
+    let id = i32::try_from(thread).ok().and_then(Pid::from_raw);
+    id.ok_or_else(|| io::ErrorKind::NotFound.into())
 }
 
 /// Runs this thread under SCHED_FIFO with `priority` (1 to 99): no ordinary program keeps it from a processor.
@@ -264,11 +278,27 @@ mod tests {
     }
 
     #[test]
-    fn the_processors_of_a_process_are_told_and_those_of_none_are_not() {
-        let own = processors_of(std::process::id()).unwrap();
-        assert!(!own.is_empty());
-        assert!(processors_of(0).is_err());
-        assert!(processors_of(u32::MAX).is_err());
+    fn a_thread_that_is_bound_runs_there_and_one_that_does_not_exist_is_refused() {
+        let allowed = allowed_processors().unwrap();
+        assert!(allowed.contains(&current_processor()));
+        let [.., last] = allowed[..] else {
+            panic!("no processor is allowed");
+        };
+        let (tell, told) = std::sync::mpsc::sync_channel(1);
+        let (go_on, may_go_on) = std::sync::mpsc::sync_channel(1);
+        let thread = std::thread::spawn(move || {
+            tell.send(thread_id()).unwrap();
+            may_go_on.recv().unwrap();
+            (allowed_processors().unwrap(), current_processor())
+        });
+        set_cpu_affinity_of(told.recv().unwrap(), &[last]).unwrap();
+        go_on.send(()).unwrap();
+        assert_eq!(thread.join().unwrap(), (vec![last], last));
+        for nobody in [0, u32::MAX] {
+            assert!(set_cpu_affinity_of(nobody, &[last]).is_err());
+        }
+        // The test's own thread stays where it was.
+        assert_eq!(allowed_processors().unwrap(), allowed);
     }
 
     #[test]

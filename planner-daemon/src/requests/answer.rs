@@ -1,6 +1,7 @@
 //! The answer to a plan request: report and candidates' knots, written into the shared memory that the client reads.
 
 use std::mem::{self, MaybeUninit};
+use std::slice;
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::{LoanError, SendError};
@@ -129,17 +130,14 @@ impl Answer {
     }
 
     fn certified(task: &PlanTask, plan: &mut Plan, robot: &UnitRobot) -> Self {
-        let mut candidates = mem::take(&mut plan.candidates);
+        let candidates = mem::take(&mut plan.candidates);
         let count = candidates.len();
-        let (tip_error, mut errors) = (tip_error(task, robot), Vec::with_capacity(count));
-        candidates.retain(|candidate| {
-            let error = tip_error(candidate);
-            let fits = is_in_bounds(task, candidate, error);
-            if fits {
-                errors.push(error);
-            }
-            fits
-        });
+        let errors = tip_errors(task, &candidates, robot);
+        let (candidates, errors): (Vec<_>, Vec<_>) = candidates
+            .into_iter()
+            .zip(errors)
+            .filter(|(candidate, error)| is_in_bounds(task, candidate, *error))
+            .unzip();
         let (outcome, reason) = verdict(task, plan, &candidates, count - candidates.len());
         let mut answer = Self::refused(task.request_id, &Refusal::new(outcome, reason));
         let report = &mut answer.report;
@@ -296,17 +294,18 @@ fn nanoseconds(duration: Duration) -> u64 {
 
 /// Whether a candidate reaches the goal as closely as the client wants and fits the message and its share of the answer.
 pub(crate) fn is_deliverable(task: &PlanTask, candidate: &Candidate, robot: &UnitRobot) -> bool {
-    is_in_bounds(task, candidate, tip_error(task, robot)(candidate))
+    let errors = tip_errors(task, slice::from_ref(candidate), robot);
+    errors
+        .iter()
+        .all(|error| is_in_bounds(task, candidate, *error))
 }
 
-/// Distance of a candidate's final tip to the goal's, in sections.
-fn tip_error(task: &PlanTask, robot: &UnitRobot) -> impl Fn(&Candidate) -> f64 {
-    let goal_tip = task.problem.goal_tip(robot);
-    move |candidate| (robot.tip(&candidate.end()) - goal_tip).norm()
-}
-
+/// Distances of the candidates' final tips to the goal's, in sections.
 fn tip_errors(task: &PlanTask, candidates: &[Candidate], robot: &UnitRobot) -> Vec<f64> {
-    candidates.iter().map(tip_error(task, robot)).collect()
+    let goal_tip = task.problem.goal_tip(robot);
+    let ends: Vec<Configuration> = candidates.iter().map(Candidate::end).collect();
+    let tips = robot.tips(&ends);
+    tips.iter().map(|tip| (tip - goal_tip).norm()).collect()
 }
 
 fn is_in_bounds(task: &PlanTask, candidate: &Candidate, tip_error: f64) -> bool {

@@ -140,18 +140,21 @@ pub(crate) struct LeadTimes {
 struct Times {
     /// Of plans that were made to warm up, while a machine may be busy with its start.
     of_warm_up: Vec<Duration>,
-    /// Of the last plans that were asked for.
+    /// Of the last plans that were asked for, the oldest first, and the shortest first.
     of_requests: Vec<Duration>,
+    of_requests_by_length: Vec<Duration>,
 }
 
 impl LeadTimes {
     /// Remembers how long a plan took.
     pub(crate) fn note(&mut self, kind: PlanKind, took: Duration) {
-        let recent = &mut self.times(kind).of_requests;
-        if recent.len() == REMEMBERED {
-            recent.remove(0);
+        let times = self.times(kind);
+        if times.of_requests.len() == REMEMBERED {
+            times.of_requests.remove(0);
         }
-        recent.push(took);
+        times.of_requests.push(took);
+        times.of_requests_by_length.clone_from(&times.of_requests);
+        times.of_requests_by_length.sort_unstable();
     }
 
     /// Remembers how long a plan took that was made to warm up: it counts until some were asked for.
@@ -193,23 +196,16 @@ impl Times {
     /// The longest of the times that count but for one in so many, and for one in a few, which may have met a machine that was busy with
     /// something else.
     fn longest_usual(&self, exceptional: usize) -> Option<Duration> {
-        let mut counting = sorted(&self.of_requests);
-        let mut left_out = (counting.len() / exceptional).max(1);
-        if counting.len() < SOME {
-            let of_warm_up = sorted(&self.of_warm_up);
-            let usual = of_warm_up.split_last().map_or(&[][..], |(_, usual)| usual);
-            counting.extend(usual);
-            counting.sort_unstable();
-            left_out = 0;
+        let of_requests = &self.of_requests_by_length;
+        if of_requests.len() >= SOME {
+            let left_out = (of_requests.len() / exceptional).max(1);
+            return of_requests.iter().rev().nth(left_out).copied();
         }
-        counting.into_iter().rev().nth(left_out)
+        let mut of_warm_up = self.of_warm_up.clone();
+        of_warm_up.sort_unstable();
+        of_warm_up.pop();
+        of_requests.iter().chain(&of_warm_up).max().copied()
     }
-}
-
-fn sorted(times: &[Duration]) -> Vec<Duration> {
-    let mut sorted = times.to_vec();
-    sorted.sort_unstable();
-    sorted
 }
 
 #[cfg(test)]

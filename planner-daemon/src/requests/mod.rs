@@ -26,6 +26,7 @@ mod service;
 mod stored_plan;
 mod verdict;
 mod wait_mode;
+mod worker_places;
 
 pub(crate) use lead_times::{LeadTimes, PlanKind, Work};
 pub(crate) use plan_runner::PlanRunner;

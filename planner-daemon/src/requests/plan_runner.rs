@@ -22,7 +22,6 @@ use super::planner_kind::PlannerKind;
 use super::planning_worker::PlanningWorker;
 use super::stored_plan::StoredPlan;
 use crate::execution::Switch;
-use realtime::RealtimeError;
 use rustix::event::{EventfdFlags, eventfd};
 
 /// Longest wait of a worker for what is done with a selected candidate.
@@ -150,12 +149,9 @@ impl PlanRunner {
         &self.robot
     }
 
-    /// Keeps the calling thread to the processors of the worker that it hands jobs to.
-    ///
-    /// # Errors
-    /// What the system refuses.
-    pub(crate) fn share_processors(&self) -> Result<(), RealtimeError> {
-        self.worker.share_processors()
+    /// Lets no worker come to the processor of the thread that hands over jobs.
+    pub(crate) fn keep_away(&mut self) {
+        self.worker.keep_away();
     }
 
     /// Hands over a job; its plan must be taken before the next one is handed over.
@@ -175,7 +171,7 @@ impl PlanRunner {
 
     /// Keeps the workers warm for the next job, while there is none.
     pub(crate) fn keep_warm(&mut self) {
-        self.idle.run_if_due(Instant::now(), &self.worker);
+        self.idle.run_if_due(Instant::now(), &mut self.worker);
     }
 
     /// The next output, if there is one; never waits.

@@ -350,7 +350,7 @@ fn begins_too_late(asker: &Asker, begin: &PlanBegin) -> Option<Refusal> {
 /// A plan as it was answered.
 fn kept(in_flight: &InFlight, answer: Answer) -> KeptPlan {
     let selected = answer.selected().map(|(index, _)| index);
-    let summaries = answer.report.candidates.into_iter();
+    let summaries = answer.report.candidates.iter().copied();
     KeptPlan {
         plan_id: in_flight.plan_id,
         begin: in_flight.begin,

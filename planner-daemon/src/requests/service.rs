@@ -107,11 +107,8 @@ impl Service {
         if let Err(error) = reduce_timer_slack() {
             tracing::warn!("looks and deadlines may be some 50 us late: {error}");
         }
-        // A thread that never sleeps would take the worker's processor.
-        if self.wait == WaitMode::Event
-            && let Err(error) = self.runner.share_processors()
-        {
-            tracing::warn!("answers may be some 20 us late: {error}");
+        if self.wait == WaitMode::Poll {
+            self.runner.keep_away();
         }
         while !terminated.load(Ordering::Relaxed) {
             self.round();
@@ -122,7 +119,7 @@ impl Service {
     }
 
     /// One round. Answers and cancellations come first: requests of a client beyond those that it may have at work are passed over by iceoryx2,
-    /// and no event tells when they can be received.
+    /// and no event tells when they can be received. A plan that is known as soon as it was begun is answered without a sleep.
     fn round(&mut self) {
         while self.take_output() {}
         self.drop_cancelled();
@@ -130,7 +127,7 @@ impl Service {
         self.answer_expired();
         self.keep_goal();
         self.make_way();
-        while self.begin_next() {}
+        while self.begin_next() || self.take_output() {}
     }
 
     /// Keeps the workers warm while the robot moves.

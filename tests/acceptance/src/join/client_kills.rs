@@ -20,7 +20,7 @@ use tests::process::{Process, wait_for};
 use tests::stack::{PATIENCE, Stack};
 use tests::world::{Settings, World};
 
-use super::examples::{Examples, TIP_M, wait_until_held};
+use super::examples::{Examples, TIP_M};
 use crate::report::Report;
 use crate::scale::Scale;
 
@@ -161,7 +161,7 @@ fn kill(examples: &Examples, report: &mut Report, scale: Scale) -> anyhow::Resul
         seen.served_ms.push(took.as_secs_f64() * 1e3);
         // What it has had begun is ended, so that the next one begins alike.
         stack.controller.command(Command::Stop, PATIENCE)?;
-        wait_until_held(&mut stack)?;
+        stack.wait_until_held()?;
         seen.look_for_remains(&stack.world, &before);
     }
     seen.tell(examples, report, wanted);

@@ -13,7 +13,7 @@ use tests::process::wait_for;
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
-use super::examples::{Examples, LIMIT, TIP_M, wait_until_held};
+use super::examples::{Examples, LIMIT, TIP_M};
 use crate::report::Report;
 
 /// How far into its motion the loop is told to end, s.
@@ -114,7 +114,7 @@ impl Loop {
         let listener = Listener::start(&stack.world.options);
         let file = stack.world.config(self.file).display().to_string();
         let mut process = examples.start(&stack.world, self.example, &[&file])?;
-        wait_until_held(&mut stack).with_context(|| process.log())?;
+        stack.wait_until_held().with_context(|| process.log())?;
         let id = stack.begin_motion(Goal::tip(TIP_M))?;
         stack.wait_for_progress(id, INTO_MOTION_S)?;
         process.signal(signal);

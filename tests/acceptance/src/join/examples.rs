@@ -5,11 +5,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, ensure};
 use client::ScenePublisher;
-use shared_types::codes::LoopState;
 use shared_types::ipc::{IpcNode, newest, scene_service, subscriber};
 use shared_types::message::SceneMessage;
 use shared_types::valid::{ControllerState, Goal, PlanRequest};
-use tests::process::{Process, TimedOut, wait_for};
+use tests::process::{Process, wait_for};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 
@@ -26,8 +25,6 @@ pub(super) const LIMIT: Duration = Duration::from_secs(30);
 const BALL: [f64; 8] = [3.0, 0.0, 1.0, 0.1, 0.2, 0.05, -0.1, 2.0];
 /// How far from its way rounding may tell a ball, m.
 const ROUNDING_M: f64 = 1e-12;
-/// How long a controller's next state may be in coming.
-const STATE_WITHIN: Duration = Duration::from_millis(100);
 
 /// An example by its name, without its ending.
 pub(super) struct Program {
@@ -269,7 +266,7 @@ impl Examples {
         (self.program)("plan")?;
         let file = stack.world.config(file).display().to_string();
         let mut process = self.start(&stack.world, name, &[&file])?;
-        wait_until_held(stack).with_context(|| process.log())?;
+        stack.wait_until_held().with_context(|| process.log())?;
         let planned = self.plan(&stack.world).with_context(|| process.log())?;
         self.is_reached(report, &format!("a motion by {name}"), &planned);
         let state = stack.controller_state();
@@ -318,12 +315,4 @@ impl Examples {
         }
         Ok(())
     }
-}
-
-pub(super) fn wait_until_held(stack: &mut Stack) -> Result<(), TimedOut> {
-    wait_for("a controller that holds", PATIENCE, || {
-        // Not one of a controller that has ended.
-        let state = stack.controller.next_state(STATE_WITHIN).ok().flatten()?;
-        (state.state == LoopState::Holding).then_some(())
-    })
 }

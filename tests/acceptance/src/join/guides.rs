@@ -15,7 +15,6 @@ use client::ResultView;
 use shared_types::codes::MotionOutcome;
 use tempfile::TempDir;
 
-use super::examples::wait_until_held;
 use crate::demo::clone_to_build;
 use crate::report::Report;
 use crate::scale::Scale;
@@ -183,7 +182,7 @@ impl Guide {
             going_on.push((command, process));
             stack.client.wait_for_daemon(PATIENCE)?;
             if self.has_robot {
-                wait_until_held(stack)?;
+                stack.wait_until_held()?;
             }
         }
         for (command, process) in going_on {

@@ -12,7 +12,7 @@ use tests::process::{Process, wait_for};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 
-use super::examples::{Examples, LIMIT, Program, TIP_M, wait_until_held};
+use super::examples::{Examples, LIMIT, Program, TIP_M};
 use crate::report::Report;
 
 /// The robot file of all processes, in the folder of their configuration.
@@ -145,7 +145,7 @@ fn follower(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
     let daemon = daemon_of_other(&mut stack)?;
     let of_other = settings_of_other(&stack.world, "controller")?;
     let following = examples.start(&stack.world, "follow", &[&of_other])?;
-    wait_until_held(&mut stack).with_context(|| following.log())?;
+    stack.wait_until_held().with_context(|| following.log())?;
     drop(daemon);
     stack.start(Part::Daemon);
     // The client's places are with the daemon before.

@@ -90,30 +90,35 @@ fn transport(report: &mut Report) -> anyhow::Result<()> {
     for (index, window) in array(&baselines["windows"])?.iter().enumerate() {
         report.shown(&format!("transport: window {index}, µs"), text_of(window)?);
     }
+    compared_with_one_hand_over(report, "transport", baselines)
+}
+
+/// Without the waking of processors, which is the most of a round trip where client and server are on two: what is left is work.
+fn transport_on_one_processor(report: &mut Report) -> anyhow::Result<()> {
+    let _pinned = Pinned::to_the_last()?;
+    let group = "transport, all on one processor";
+    let baselines = baselines(report, group)?;
+    compared_with_one_hand_over(report, group, &baselines)
+}
+
+fn compared_with_one_hand_over(
+    report: &mut Report,
+    group: &str,
+    baselines: &Value,
+) -> anyhow::Result<()> {
     let quietest = &baselines["quietest"];
     report.shown(
-        "transport: the quietest window, all together where several are, µs",
+        &format!("{group}: the quietest window, all together where several are, µs"),
         text_of(quietest)?,
     );
     let raw = &quietest["transports"]["raw iceoryx2, one hand-over to a thread"];
     for (percentile, bar) in [("p50", 1.2), ("p99", 1.5)] {
         let ratio = raw[percentile]["daemon_divided_by_it"].as_f64();
         let line = format!(
-            "transport: planner `null` ÷ raw iceoryx2 with one hand-over to a thread and back, quietest of five windows, {percentile}"
+            "{group}: planner `null` ÷ raw iceoryx2 with one hand-over to a thread and back, quietest of five windows, {percentile}"
         );
         report.at_most(&line, ratio.context("no ratio")?, bar);
     }
-    Ok(())
-}
-
-/// Without the waking of processors, which is the most of a round trip: what is left is work.
-fn transport_on_one_processor(report: &mut Report) -> anyhow::Result<()> {
-    let _pinned = Pinned::to_the_last()?;
-    let baselines = baselines(report, "transport, all on one processor")?;
-    report.shown(
-        "transport, all on one processor: the quietest window, all together where several are, µs",
-        text_of(&baselines["quietest"])?,
-    );
     Ok(())
 }
 

@@ -15,7 +15,7 @@ use tests::listener::{Heard, Published};
 use tests::motion::raise;
 use tests::replans::{ShortestStopThenGo, StopThenGo};
 
-use super::rests::Faults;
+use super::fault_resets::Faults;
 
 /// What came of a request.
 pub(super) enum Answered {

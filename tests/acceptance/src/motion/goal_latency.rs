@@ -19,10 +19,10 @@ use tests::replans::{ReplanScene, random_pause};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
+use super::fault_resets::Faults;
 use super::figures::{first_followed, is_on_its_way, stages_ms, stages_text};
 use super::moving_goal::apart;
 use super::replan_run::made_again;
-use super::rests::Faults;
 use super::windows::{WINDOWS, quantiles_text, show_slowest, show_windows};
 use crate::report::Report;
 use crate::scale::Scale;

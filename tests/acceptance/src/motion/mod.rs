@@ -2,6 +2,7 @@
 //! that steps, no limit exceeded, no goal lost, and a result of every motion.
 
 mod disturbed;
+mod fault_resets;
 mod faults;
 mod figures;
 mod goal_latency;
@@ -15,7 +16,6 @@ mod queue_figures;
 mod queue_run;
 mod queues;
 mod replan_run;
-mod rests;
 mod routes;
 mod setpoints;
 mod standing;

@@ -18,7 +18,6 @@ use tests::process::wait_for;
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
-use super::rests::wait_until_held;
 use super::setpoints::{no_offences, within_limits};
 use crate::report::Report;
 use crate::scale::Scale;
@@ -181,11 +180,11 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
 fn follow(stack: &mut Stack, arm: Arm, target: &MovingTarget) -> anyhow::Result<Followed> {
     let body = stack.world.body();
     for goal in [Goal::Configuration(STRAIGHT), Goal::tip(target.at(0.0))] {
-        wait_until_held(stack)?;
+        stack.wait_until_held()?;
         let id = stack.begin_motion(goal)?;
         stack.wait_for_end(id)?;
     }
-    wait_until_held(stack)?;
+    stack.wait_until_held()?;
     let listener = Listener::start(&stack.world.options);
     let (begun, begun_ns) = (Instant::now(), mono_now_ns());
     let motions = match arm {

@@ -19,7 +19,6 @@ use tests::stack::{PATIENCE, Part, Stack};
 use super::queue::{Accepted, Asked, Queue};
 use super::queue_figures::Figures;
 use super::replan_run::{Population, balls, refusal};
-use super::rests::wait_until_held;
 
 /// Seed of scenes, tips, divisions and pauses: nothing was trained with it.
 const SEED: u64 = 9_301;
@@ -123,7 +122,7 @@ fn carry_out(
         // Where it has no result, that is found among those heard.
         let _ = results.wait_for(last.trajectory_id, PATIENCE)?;
     }
-    wait_until_held(stack)?;
+    stack.wait_until_held()?;
     queue.between_mono_ns[1] = mono_now_ns();
     Ok(queue)
 }

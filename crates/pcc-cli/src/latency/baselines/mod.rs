@@ -15,7 +15,7 @@ use client::{Client, PlanAnswer};
 use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 use shared_types::clock::mono_now_ns;
-use shared_types::ipc::{IpcOptions, Role, RoleLock};
+use shared_types::ipc::IpcOptions;
 use shared_types::message::{Knot, PlanReport};
 use shared_types::valid::PlanRequest;
 
@@ -37,10 +37,9 @@ const LONGEST_NS: u64 = 10_000_000_000;
 /// How long an answer may be in coming.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The transports, in this order: the daemon's comes first, and is compared with the second one.
-const TRANSPORTS: [&str; 5] = [
+const TRANSPORTS: [&str; 4] = [
     "planner-daemon",
     "raw iceoryx2, one hand-over to a thread",
-    "raw iceoryx2, one hand-over, on any processor",
     "raw iceoryx2",
     "Unix socket, postcard",
 ];
@@ -80,19 +79,14 @@ impl Baselines {
         let mut daemon = Client::connect(options)?;
         let knots = knots(&daemon.plan(request, PATIENCE)?);
         anyhow::ensure!(!knots.is_empty(), "the daemon has no plan for it");
-        let start = |transport, beside| Server::start(options, transport, beside, &knots);
-        let pid = RoleLock::holder(options, Role::PlannerDaemon);
-        let pid = pid.context("the daemon's process is not known")?;
+        let start = |transport| Server::start(options, transport, &knots);
         let servers = [
-            // On the processors of the daemon's service thread.
-            start(Transport::RawHandedOver, Some(pid))?,
-            start(Transport::RawHandedOver, None)?,
-            start(Transport::Raw, None)?,
-            start(Transport::Copying, None)?,
+            start(Transport::RawHandedOver)?,
+            start(Transport::Raw)?,
+            start(Transport::Copying)?,
         ];
-        let [handed_over, handed_over_anywhere, raw, copying] = &servers;
+        let [handed_over, raw, copying] = &servers;
         let mut handed_over = RawClient::connect(&handed_over.options)?;
-        let mut handed_over_anywhere = RawClient::connect(&handed_over_anywhere.options)?;
         let mut raw = RawClient::connect(&raw.options)?;
         let mut copying = CopyingClient::connect(&copying.options)?;
         let expected = checksum(&knots);
@@ -102,7 +96,6 @@ impl Baselines {
             let mut round_trips: [RoundTrip; TRANSPORTS.len()] = [
                 &mut || read_answer(&daemon.plan(request, PATIENCE)?),
                 &mut || handed_over.round_trip(PATIENCE),
-                &mut || handed_over_anywhere.round_trip(PATIENCE),
                 &mut || raw.round_trip(PATIENCE),
                 &mut || copying.round_trip(),
             ];

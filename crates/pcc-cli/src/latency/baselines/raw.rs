@@ -1,7 +1,6 @@
 //! iceoryx2 alone: a server that answers each request with the same knots, waits as the daemon does, and may hand each request over to a
 //! thread and back as the daemon does.
 
-use std::io;
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,7 +9,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, ensure};
-use realtime::hand_over;
+use realtime::{RealtimeError, hand_over};
 use rustix::event::{EventfdFlags, eventfd};
 use shared_types::capacity::MAX_KNOTS;
 use shared_types::ipc::{
@@ -26,8 +25,11 @@ use super::checksum::checksum;
 const SERVER_SLEEP: Duration = Duration::from_millis(1);
 const CLIENT_SLEEP: Duration = Duration::from_millis(2);
 
-/// A thread that is handed each request, and says when it has had it.
+/// A thread that is handed each request, on the processor of the thread that hands it over as the daemon's is, and says when it has had it.
 struct Worker {
+    thread: u32,
+    /// Where it runs; none before its first job.
+    processor: Option<usize>,
     jobs: hand_over::Sender<()>,
     done: Receiver<()>,
     /// Readable when one is done.
@@ -35,18 +37,36 @@ struct Worker {
 }
 
 impl Worker {
-    fn start() -> io::Result<Self> {
+    fn start() -> anyhow::Result<Self> {
         let (jobs, to_do) = hand_over::channel::<()>();
         let (tell, done) = sync_channel(1);
+        let (tell_thread, thread) = sync_channel(1);
         let wake = Arc::new(eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?);
         let waking = Arc::clone(&wake);
         thread::spawn(move || {
+            let _ = tell_thread.send(realtime::thread_id());
             for job in to_do {
                 let _ = tell.send(job);
                 let _ = rustix::io::write(&*waking, &1_u64.to_ne_bytes());
             }
         });
-        Ok(Self { jobs, done, wake })
+        Ok(Self {
+            thread: thread.recv()?,
+            processor: None,
+            jobs,
+            done,
+            wake,
+        })
+    }
+
+    fn hand_over(&mut self) -> Result<(), RealtimeError> {
+        let here = realtime::current_processor();
+        if self.processor != Some(here) {
+            realtime::set_cpu_affinity_of(self.thread, &[here])?;
+            self.processor = Some(here);
+        }
+        self.jobs.send(());
+        Ok(())
     }
 
     fn is_done(&self) -> bool {
@@ -74,15 +94,15 @@ pub(super) fn serve(
     let server = plan_server(&node, &service, &capacity)?;
     let asked = event_listener(&node, &plan_asked_event(&node)?)?;
     let answered = event_notifier(&node, &plan_answered_event(&node)?)?;
-    let worker = is_handed_over.then(Worker::start).transpose()?;
+    let mut worker = is_handed_over.then(Worker::start).transpose()?;
     let mut handed_over: Option<PlanActiveRequest> = None;
     is_ready();
     while !is_over.load(Ordering::Relaxed) {
         let received = server.receive().map_err(|error| anyhow!("{error:?}"))?;
-        match (received, &worker) {
+        match (received, &mut worker) {
             (Some(request), None) => answer(&request, knots, &answered)?,
             (Some(request), Some(worker)) => {
-                worker.jobs.send(());
+                worker.hand_over()?;
                 handed_over = Some(request);
             }
             (None, Some(worker)) if handed_over.is_some() => {

@@ -34,18 +34,10 @@ pub(crate) struct Arguments {
     /// How it is asked and answers.
     #[arg(value_enum)]
     transport: Transport,
-    /// The process whose processors it keeps to.
-    #[arg(long)]
-    beside: Option<u32>,
 }
 
 /// Serves one client the answer that comes on standard input, until that ends.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    if let Some(pid) = arguments.beside {
-        let processors = realtime::processors_of(pid)
-            .with_context(|| format!("the processors of process {pid} are not known"))?;
-        realtime::set_cpu_affinity(&processors)?;
-    }
     let answer = Answer::read(&mut io::stdin())?;
     let is_over = Arc::<AtomicBool>::default();
     let at_the_end = Arc::clone(&is_over);
@@ -76,29 +68,20 @@ pub(super) struct Server {
 }
 
 impl Server {
-    /// Starts a server that answers with these knots, on the processors of the process `beside` if there is one, and waits until it serves.
+    /// Starts a server that answers with these knots, and waits until it serves.
     pub(super) fn start(
         options: &IpcOptions,
         transport: Transport,
-        beside: Option<u32>,
         knots: &[Knot],
     ) -> anyhow::Result<Self> {
-        let place = if beside.is_some() { "b" } else { "" };
         let name = transport.to_possible_value().expect("none is skipped");
         let name = name.get_name();
         let options = IpcOptions {
-            prefix: format!(
-                "{}-{}{place}-{}",
-                options.prefix,
-                transport as u8,
-                process::id()
-            ),
+            prefix: format!("{}-{}-{}", options.prefix, transport as u8, process::id()),
             root: options.root.clone(),
         };
-        let beside = beside.map(|pid| format!("--beside={pid}"));
         let process = Command::new(env::current_exe()?)
             .args(["latency-server", name])
-            .args(beside)
             .env("PCC_PREFIX", &options.prefix)
             .env("PCC_ROOT", &options.root)
             .stdin(Stdio::piped())

@@ -26,7 +26,6 @@ use super::figures::{Figures, lower, quantile};
 use super::joins::show_curves;
 use super::paths::OffPath;
 use super::replan_run::{balls, refusal};
-use super::rests::wait_until_held;
 use crate::report::Report;
 use crate::scale::Scale;
 
@@ -147,7 +146,7 @@ impl Run {
         }
         stack.controller.command(Command::SetSpeed(1.0), PROMPT)?;
         self.figures.faults.reset(stack)?;
-        let held = wait_until_held(stack);
+        let held = stack.wait_until_held();
         held.with_context(|| format!("{:?}", stack.controller_state().values))?;
         Ok(asked)
     }

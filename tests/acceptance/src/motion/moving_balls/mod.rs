@@ -22,7 +22,6 @@ use tests::world::Settings;
 
 use self::arm::{Arm, Follower, TOLERANCE_M};
 use super::moving_goal::apart;
-use super::rests::wait_until_held;
 use super::setpoints::{no_offences, within_limits};
 use super::standing::stays_clear_after_a_stop;
 use crate::report::Report;
@@ -162,7 +161,7 @@ fn one(
     if !is_there {
         stack.controller.command(Command::Stop, PATIENCE)?;
     }
-    wait_until_held(stack)?;
+    stack.wait_until_held()?;
     let rests_ns = mono_now_ns();
     let published_ns = scenes.end()?;
     sleep(Duration::from_millis(30));
@@ -271,10 +270,10 @@ fn arrival_s(
 }
 
 fn go_to_start(stack: &mut Stack, crossing: &Crossing) -> anyhow::Result<()> {
-    wait_until_held(stack)?;
+    stack.wait_until_held()?;
     let id = stack.begin_motion(Goal::Configuration(crossing.start.into()))?;
     stack.wait_for_end(id)?;
-    wait_until_held(stack)
+    Ok(stack.wait_until_held()?)
 }
 
 /// Least clearance of what was commanded while the balls were there, m.

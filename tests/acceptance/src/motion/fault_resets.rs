@@ -1,10 +1,9 @@
-//! Waiting until the robot rests, and faults of the controller, which are reset and counted.
+//! Faults of the controller, which are reset and counted.
 
 use std::collections::BTreeMap;
 
-use anyhow::Context;
 use shared_types::codes::{LoopFault, LoopState};
-use tests::stack::{PATIENCE, Part, Stack};
+use tests::stack::{Part, Stack};
 
 use crate::report::Report;
 
@@ -28,7 +27,7 @@ impl Faults {
 
     /// Waits until the robot rests, after so many requests, and resets a fault; an error where there were too many.
     pub(super) fn rest(&mut self, stack: &mut Stack, requests: usize) -> anyhow::Result<()> {
-        wait_for_state(stack, &[LoopState::Holding, LoopState::Fault])?;
+        stack.wait_for_state(&[LoopState::Holding, LoopState::Fault])?;
         self.reset(stack)?;
         let faults: usize = self.0.values().sum();
         anyhow::ensure!(
@@ -49,18 +48,4 @@ impl Faults {
             self.0.is_empty(),
         );
     }
-}
-
-/// Waits until the robot rests.
-pub(super) fn wait_until_held(stack: &mut Stack) -> anyhow::Result<()> {
-    wait_for_state(stack, &[LoopState::Holding])
-}
-
-fn wait_for_state(stack: &mut Stack, states: &[LoopState]) -> anyhow::Result<()> {
-    let view = &mut stack.controller;
-    let rests = tests::process::wait_for("the robot rests", PATIENCE, || {
-        let state = view.latest_state().ok().flatten()?;
-        states.contains(&state.state).then_some(())
-    });
-    rests.context("after requests in motion")
 }
