@@ -73,7 +73,6 @@ mod tests {
     use crate::fixtures::unit_robot;
     use planning::Models;
     use std::thread;
-    use std::time::Duration;
 
     #[test]
     fn tasks_run_in_their_order_on_one_thread_to_the_last() {
@@ -99,6 +98,9 @@ mod tests {
             return;
         };
         let run_at = |worker: &mut PlanningWorker| {
+            while worker.undone.load(Ordering::Relaxed) > 0 {
+                thread::yield_now();
+            }
             let (tell, told) = sync_channel(1);
             worker.run(move |_| tell.send(realtime::current_processor()).unwrap());
             told.recv().unwrap()
@@ -112,12 +114,10 @@ mod tests {
         let handing_over = thread::spawn(move || {
             for here in [first, last, first] {
                 realtime::set_cpu_affinity(&[here]).unwrap();
-                thread::sleep(Duration::from_millis(5));
                 assert_eq!(run_at(&mut worker), here);
             }
             worker.keep_away();
             realtime::set_cpu_affinity(&[last]).unwrap();
-            thread::sleep(Duration::from_millis(5));
             assert_eq!(run_at(&mut worker), first);
         });
         handing_over.join().unwrap();

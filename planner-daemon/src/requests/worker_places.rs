@@ -7,7 +7,7 @@ use planning::Planner;
 use realtime::RealtimeError;
 
 /// A worker and its processor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug)]
 struct Place {
     thread: u32,
     processor: usize,

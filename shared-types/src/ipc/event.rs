@@ -131,13 +131,9 @@ impl EventListener {
         #[allow(unsafe_code)]
         let socket = unsafe { BorrowedFd::borrow_raw(self.0.file_descriptor().native_handle()) };
         let readable = |file| PollFd::from_borrowed_fd(file, PollFlags::IN);
-        let mut both = [socket, other.unwrap_or(socket)].map(readable);
-        let files = if other.is_some() {
-            &mut both[..]
-        } else {
-            &mut both[..1]
-        };
-        match poll(files, Some(&limit)) {
+        let mut files = [socket, other.unwrap_or(socket)].map(readable);
+        let count = 1 + usize::from(other.is_some());
+        match poll(&mut files[..count], Some(&limit)) {
             Ok(_) => self.drain(),
             Err(Errno::INTR) => Ok(false),
             Err(error) => Err(error.into()),
