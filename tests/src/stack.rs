@@ -295,7 +295,7 @@ impl Stack {
         self.wait_for_state(&[LoopState::Holding])
     }
 
-    /// The same of any of these states.
+    /// Waits until the controller is in one of these states, by a state from now on.
     ///
     /// # Errors
     /// [`TimedOut`] with the logs.
@@ -305,7 +305,12 @@ impl Stack {
             let state = view.next_state(STATE_WITHIN).ok().flatten()?;
             states.contains(&state.state).then_some(())
         });
-        reached.map_err(|_| self.not_ready(Part::Controller, &format!("in none of {states:?}")))
+        reached.map_err(|_| {
+            self.not_ready(
+                Part::Controller,
+                &format!("it was in none of the states {states:?}"),
+            )
+        })
     }
 
     fn not_ready(&mut self, part: Part, what: &str) -> TimedOut {

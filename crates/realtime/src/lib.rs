@@ -53,7 +53,7 @@ pub enum RealtimeError {
     },
     /// `sched_setaffinity` failed.
     #[error(
-        "not bound to processors {processors:?} ({error}): choose of those in /proc/self/status, Cpus_allowed_list"
+        "a thread is not bound to processors {processors:?} ({error}): choose of those in /proc/self/status, Cpus_allowed_list"
     )]
     Processors {
         /// The processors asked for.
@@ -105,19 +105,15 @@ pub fn set_cpu_affinity(processors: &[usize]) -> Result<(), RealtimeError> {
     bind(None, processors)
 }
 
-/// Binds a thread of this process, named by its [`thread_id`], to some processors.
+/// Binds the thread with this [`thread_id`] to some processors; that it is one of this process is not checked.
 ///
 /// # Errors
 /// [`RealtimeError::Processors`] if there is no such thread, or none of the processors exists or is allowed.
 pub fn set_cpu_affinity_of(thread: u32, processors: &[usize]) -> Result<(), RealtimeError> {
-    let id = named(thread).map_err(|error| RealtimeError::Processors {
-        processors: processors.to_vec(),
-        error,
-    })?;
-    bind(Some(id), processors)
+    bind(Some(thread), processors)
 }
 
-fn bind(thread: Option<Pid>, processors: &[usize]) -> Result<(), RealtimeError> {
+fn bind(thread: Option<u32>, processors: &[usize]) -> Result<(), RealtimeError> {
     let refused = |error| RealtimeError::Processors {
         processors: processors.to_vec(),
         error,
@@ -129,6 +125,7 @@ fn bind(thread: Option<Pid>, processors: &[usize]) -> Result<(), RealtimeError> 
         }
         set.set(processor);
     }
+    let thread = thread.map(named).transpose().map_err(refused)?;
     sched_setaffinity(thread, &set).map_err(|error| refused(error.into()))
 }
 
@@ -294,7 +291,7 @@ mod tests {
         set_cpu_affinity_of(told.recv().unwrap(), &[last]).unwrap();
         go_on.send(()).unwrap();
         assert_eq!(thread.join().unwrap(), (vec![last], last));
-        for nobody in [0, u32::MAX] {
+        for nobody in [0, i32::MAX.unsigned_abs(), u32::MAX] {
             assert!(set_cpu_affinity_of(nobody, &[last]).is_err());
         }
         // The test's own thread stays where it was.

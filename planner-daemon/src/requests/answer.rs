@@ -130,14 +130,16 @@ impl Answer {
     }
 
     fn certified(task: &PlanTask, plan: &mut Plan, robot: &UnitRobot) -> Self {
-        let candidates = mem::take(&mut plan.candidates);
+        let mut candidates = mem::take(&mut plan.candidates);
         let count = candidates.len();
-        let errors = tip_errors(task, &candidates, robot);
-        let (candidates, errors): (Vec<_>, Vec<_>) = candidates
-            .into_iter()
-            .zip(errors)
-            .filter(|(candidate, error)| is_in_bounds(task, candidate, *error))
-            .unzip();
+        let mut of_all = tip_errors(task, &candidates, robot).into_iter();
+        let mut errors = Vec::with_capacity(count);
+        candidates.retain(|candidate| {
+            let error = of_all.next();
+            let fits = error.filter(|error| is_in_bounds(task, candidate, *error));
+            errors.extend(fits);
+            fits.is_some()
+        });
         let (outcome, reason) = verdict(task, plan, &candidates, count - candidates.len());
         let mut answer = Self::refused(task.request_id, &Refusal::new(outcome, reason));
         let report = &mut answer.report;
@@ -294,6 +296,7 @@ fn nanoseconds(duration: Duration) -> u64 {
 
 /// Whether a candidate reaches the goal as closely as the client wants and fits the message and its share of the answer.
 pub(crate) fn is_deliverable(task: &PlanTask, candidate: &Candidate, robot: &UnitRobot) -> bool {
+    // As it is computed for the whole answer, to the bit.
     let errors = tip_errors(task, slice::from_ref(candidate), robot);
     errors
         .iter()

@@ -90,7 +90,7 @@ impl IdleWarmUp {
     }
 
     /// Has the worker plan for nobody where the last plan ended long enough ago; returns at once.
-    pub(super) fn run_if_due(&mut self, now: Instant, worker: &mut PlanningWorker) {
+    pub(super) fn run_if_due(&mut self, now: Instant, worker: &PlanningWorker) {
         let before = self.running.as_ref().map(|run| run.ended());
         let rests_since = match before {
             None => self.planned,
@@ -122,7 +122,10 @@ mod tests {
     use std::thread::sleep;
 
     fn worker() -> PlanningWorker {
-        PlanningWorker::start(Planner::new(unit_robot(), Models::default(), 1).unwrap())
+        PlanningWorker::start(
+            Planner::new(unit_robot(), Models::default(), 1).unwrap(),
+            true,
+        )
     }
 
     fn in_motion(sampler: Sampler) -> Request {
@@ -149,7 +152,7 @@ mod tests {
 
     #[test]
     fn only_the_last_request_to_one_goal_in_motion_is_planned_for_nobody_and_only_after_a_rest() {
-        let (mut idle, mut worker) = (IdleWarmUp::new(), worker());
+        let (mut idle, worker) = (IdleWarmUp::new(), worker());
         let problem = Arc::new(straight_problem());
         let later = |idle: &IdleWarmUp| idle.planned + INTERVAL;
         for (request, has_via) in [
@@ -158,7 +161,7 @@ mod tests {
             (in_motion(Sampler::Default), true),
         ] {
             idle.give_way(&problem, &request, has_via);
-            idle.run_if_due(later(&idle), &mut worker);
+            idle.run_if_due(later(&idle), &worker);
             assert!(idle.running.is_none());
         }
         let goes_on = Request {
@@ -171,24 +174,24 @@ mod tests {
         idle.give_way(&problem, &goes_on, false);
         let (_, request) = idle.last_in_motion.as_ref().unwrap();
         assert!(request.previous.is_none());
-        idle.run_if_due(idle.planned + INTERVAL / 2, &mut worker);
+        idle.run_if_due(idle.planned + INTERVAL / 2, &worker);
         assert!(idle.running.is_none(), "the workers have just planned");
-        idle.run_if_due(later(&idle), &mut worker);
+        idle.run_if_due(later(&idle), &worker);
         let first = idle.running.clone().unwrap();
         let (ended, is_sound) = wait_for_end(&first);
         assert!(is_sound);
-        idle.run_if_due(ended + INTERVAL / 2, &mut worker);
+        idle.run_if_due(ended + INTERVAL / 2, &worker);
         assert!(Arc::ptr_eq(&first, idle.running.as_ref().unwrap()));
-        idle.run_if_due(ended + INTERVAL, &mut worker);
+        idle.run_if_due(ended + INTERVAL, &worker);
         assert!(!Arc::ptr_eq(&first, idle.running.as_ref().unwrap()));
     }
 
     #[test]
     fn a_request_interrupts_it() {
-        let (mut idle, mut worker) = (IdleWarmUp::new(), worker());
+        let (mut idle, worker) = (IdleWarmUp::new(), worker());
         let problem = Arc::new(straight_problem());
         idle.give_way(&problem, &in_motion(Sampler::Default), false);
-        idle.run_if_due(idle.planned + INTERVAL, &mut worker);
+        idle.run_if_due(idle.planned + INTERVAL, &worker);
         let run = idle.running.clone().unwrap();
         assert!(!run.interrupt.load(Ordering::Relaxed));
         idle.give_way(&problem, &request(), false);

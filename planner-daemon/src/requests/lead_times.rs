@@ -140,9 +140,10 @@ pub(crate) struct LeadTimes {
 struct Times {
     /// Of plans that were made to warm up, while a machine may be busy with its start.
     of_warm_up: Vec<Duration>,
-    /// Of the last plans that were asked for, the oldest first, and the shortest first.
+    /// Of the last plans that were asked for, the oldest first.
     of_requests: Vec<Duration>,
-    of_requests_by_length: Vec<Duration>,
+    /// The same times, the shortest first.
+    of_requests_ascending: Vec<Duration>,
 }
 
 impl LeadTimes {
@@ -153,8 +154,8 @@ impl LeadTimes {
             times.of_requests.remove(0);
         }
         times.of_requests.push(took);
-        times.of_requests_by_length.clone_from(&times.of_requests);
-        times.of_requests_by_length.sort_unstable();
+        times.of_requests_ascending.clone_from(&times.of_requests);
+        times.of_requests_ascending.sort_unstable();
     }
 
     /// Remembers how long a plan took that was made to warm up: it counts until some were asked for.
@@ -196,7 +197,7 @@ impl Times {
     /// The longest of the times that count but for one in so many, and for one in a few, which may have met a machine that was busy with
     /// something else.
     fn longest_usual(&self, exceptional: usize) -> Option<Duration> {
-        let of_requests = &self.of_requests_by_length;
+        let of_requests = &self.of_requests_ascending;
         if of_requests.len() >= SOME {
             let left_out = (of_requests.len() / exceptional).max(1);
             return of_requests.iter().rev().nth(left_out).copied();

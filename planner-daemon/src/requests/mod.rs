@@ -26,7 +26,7 @@ mod service;
 mod stored_plan;
 mod verdict;
 mod wait_mode;
-mod worker_places;
+mod worker_processors;
 
 pub(crate) use lead_times::{LeadTimes, PlanKind, Work};
 pub(crate) use plan_runner::PlanRunner;

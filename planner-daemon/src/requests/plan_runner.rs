@@ -21,6 +21,7 @@ use super::planned::{Planned, guarded};
 use super::planner_kind::PlannerKind;
 use super::planning_worker::PlanningWorker;
 use super::stored_plan::StoredPlan;
+use super::wait_mode::WaitMode;
 use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
 
@@ -124,13 +125,15 @@ impl OutputSender {
 const OUTPUTS_OF_A_JOB: usize = 2 * ATTEMPTS as usize + 3;
 
 impl PlanRunner {
+    /// `wait` is how the thread waits that hands jobs over.
+    ///
     /// # Errors
     /// What the system says where there can be no more files.
-    pub(crate) fn new(planner: Planner, kind: PlannerKind) -> io::Result<Self> {
+    pub(crate) fn new(planner: Planner, kind: PlannerKind, wait: WaitMode) -> io::Result<Self> {
         let (outgoing, outputs) = sync_channel(OUTPUTS_OF_A_JOB);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         let robot = planner.robot().clone();
-        let worker = PlanningWorker::start(planner);
+        let worker = PlanningWorker::start(planner, wait == WaitMode::Event);
         Ok(Self {
             robot,
             idle: IdleWarmUp::new(),
@@ -149,17 +152,14 @@ impl PlanRunner {
         &self.robot
     }
 
-    /// Lets no worker come to the processor of the thread that hands over jobs.
-    pub(crate) fn keep_away(&mut self) {
-        self.worker.keep_away();
-    }
-
     /// Hands over a job; its plan must be taken before the next one is handed over.
     pub(crate) fn begin(&mut self, job: Job) {
         let has_via = !job.via.is_empty();
         self.idle.give_way(&job.problem, &job.request, has_via);
         let (outgoing, stored) = (self.outgoing.clone(), self.stored.clone());
-        self.worker.run(move |planner| {
+        // It may be readable for an output that was taken already.
+        self.clear_wake();
+        self.worker.run_here(move |planner| {
             let plan = || plan(planner, &job, &outgoing);
             let planned = match stored {
                 Some(stored) => stored.get_or_store(&job.request, plan),
@@ -171,7 +171,7 @@ impl PlanRunner {
 
     /// Keeps the workers warm for the next job, while there is none.
     pub(crate) fn keep_warm(&mut self) {
-        self.idle.run_if_due(Instant::now(), &mut self.worker);
+        self.idle.run_if_due(Instant::now(), &self.worker);
     }
 
     /// The next output, if there is one; never waits.
@@ -248,7 +248,7 @@ mod tests {
 
     fn planning() -> PlanRunner {
         let planner = Planner::new(unit_robot(), Models::default(), 1).unwrap();
-        PlanRunner::new(planner, PlannerKind::Pcc).unwrap()
+        PlanRunner::new(planner, PlannerKind::Pcc, WaitMode::Event).unwrap()
     }
 
     fn next(planning: &PlanRunner) -> PlanOutput {

@@ -7,7 +7,7 @@ use std::sync::mpsc::sync_channel;
 use planning::Planner;
 use realtime::hand_over::{self, Sender};
 
-use super::worker_places::WorkerPlaces;
+use super::worker_processors::WorkerProcessors;
 
 type Task = Box<dyn FnOnce(&Planner) + Send>;
 
@@ -19,13 +19,15 @@ pub(super) struct PlanningWorker {
     /// Tasks that are not done.
     undone: Arc<AtomicUsize>,
     thread: u32,
-    places: Option<WorkerPlaces>,
+    /// Where it comes to who hands tasks over.
+    processors: Option<WorkerProcessors>,
 }
 
 impl PlanningWorker {
-    /// Takes the planner, and one of its workers.
-    pub(super) fn start(planner: Planner) -> Self {
-        let places = WorkerPlaces::of(&planner);
+    /// Takes the planner, and one of its workers; `comes` says whether that may come to the processor of the thread that hands tasks over: beside
+    /// one that never sleeps there is no room.
+    pub(super) fn start(planner: Planner, comes: bool) -> Self {
+        let processors = comes.then(|| WorkerProcessors::of(&planner)).flatten();
         let undone = Arc::<AtomicUsize>::default();
         let (tasks, to_run) = hand_over::channel::<Task>();
         let (tell, told) = sync_channel(1);
@@ -35,7 +37,7 @@ impl PlanningWorker {
             let _ = tell.send(realtime::thread_id());
             for task in to_run {
                 task(&shared);
-                done.fetch_sub(1, Ordering::Release);
+                done.fetch_sub(1, Ordering::Relaxed);
             }
         });
         let thread = told.recv().expect("the worker tells it at once");
@@ -43,27 +45,30 @@ impl PlanningWorker {
             tasks,
             undone,
             thread,
-            places,
+            processors,
         }
     }
 
-    /// Lets the worker stay where it is, and not come to the thread that hands tasks over: one that never sleeps leaves no room beside it.
-    pub(super) fn keep_away(&mut self) {
-        self.places = None;
-    }
-
-    /// Runs a task after those that were given before; returns at once. A worker that sleeps comes to the calling thread's processor, where
-    /// workers have their own: no other one has to wake for what the two hand to each other.
-    pub(super) fn run(&mut self, task: impl FnOnce(&Planner) + Send + 'static) {
-        let was_asleep = self.undone.fetch_add(1, Ordering::Acquire) == 0;
-        if was_asleep
-            && let Some(places) = &mut self.places
-            && let Err(error) = places.bring_here(self.thread)
-        {
-            tracing::warn!("answers may be some 20 us late: {error}");
-            self.places = None;
-        }
+    /// Runs a task after those that were given before; returns at once.
+    pub(super) fn run(&self, task: impl FnOnce(&Planner) + Send + 'static) {
+        self.undone.fetch_add(1, Ordering::Relaxed);
         self.tasks.send(Box::new(task));
+    }
+
+    /// The same of a task that somebody waits for: a worker that has none comes to the calling thread's processor, where workers have their own, so
+    /// that no other one has to wake for what the two hand to each other.
+    pub(super) fn run_here(&mut self, task: impl FnOnce(&Planner) + Send + 'static) {
+        let is_idle = self.undone.load(Ordering::Relaxed) == 0;
+        if is_idle
+            && let Some(processors) = &mut self.processors
+            && let Err(error) = processors.bring_to_current(self.thread)
+        {
+            tracing::warn!(
+                "planning threads keep to their processors from now on, answers may be some 20 us late: {error}"
+            );
+            self.processors = None;
+        }
+        self.run(task);
     }
 }
 
@@ -77,7 +82,7 @@ mod tests {
     #[test]
     fn tasks_run_in_their_order_on_one_thread_to_the_last() {
         let planner = Planner::new(unit_robot(), Models::default(), 2).unwrap();
-        let mut worker = PlanningWorker::start(planner);
+        let worker = PlanningWorker::start(planner, true);
         let (tell, told) = sync_channel(8);
         for number in 0..8 {
             let tell = tell.clone();
@@ -91,35 +96,36 @@ mod tests {
     }
 
     #[test]
-    fn a_worker_comes_to_who_hands_it_tasks_unless_it_is_kept_away() {
+    fn a_worker_comes_to_who_hands_it_tasks_where_it_may() {
         let allowed = realtime::allowed_processors().unwrap();
         let [first, .., last] = allowed[..] else {
             // There is one, which everybody shares.
             return;
         };
-        let run_at = |worker: &mut PlanningWorker| {
-            while worker.undone.load(Ordering::Relaxed) > 0 {
-                thread::yield_now();
+        for comes in [true, false] {
+            let planner = Planner::new(unit_robot(), Models::default(), 2).unwrap();
+            planner.on_every_worker(|worker| {
+                realtime::set_cpu_affinity(&[[first, last][worker]]).unwrap();
+            });
+            let mut worker = PlanningWorker::start(planner, comes);
+            // The thread of the test stays where it may run.
+            let ran_at = thread::spawn(move || {
+                [first, last, first].map(|here| {
+                    realtime::set_cpu_affinity(&[here]).unwrap();
+                    while worker.undone.load(Ordering::Relaxed) > 0 {
+                        thread::yield_now();
+                    }
+                    let (tell, told) = sync_channel(1);
+                    worker.run_here(move |_| tell.send(realtime::current_processor()).unwrap());
+                    told.recv().unwrap()
+                })
+            });
+            let ran_at = ran_at.join().unwrap();
+            if comes {
+                assert_eq!(ran_at, [first, last, first]);
+            } else {
+                assert!(ran_at.iter().all(|it| *it == ran_at[0]), "it stays");
             }
-            let (tell, told) = sync_channel(1);
-            worker.run(move |_| tell.send(realtime::current_processor()).unwrap());
-            told.recv().unwrap()
-        };
-        let planner = Planner::new(unit_robot(), Models::default(), 2).unwrap();
-        planner.on_every_worker(|worker| {
-            realtime::set_cpu_affinity(&[[first, last][worker]]).unwrap();
-        });
-        let mut worker = PlanningWorker::start(planner);
-        // The thread of the test stays where it may run.
-        let handing_over = thread::spawn(move || {
-            for here in [first, last, first] {
-                realtime::set_cpu_affinity(&[here]).unwrap();
-                assert_eq!(run_at(&mut worker), here);
-            }
-            worker.keep_away();
-            realtime::set_cpu_affinity(&[last]).unwrap();
-            assert_eq!(run_at(&mut worker), first);
-        });
-        handing_over.join().unwrap();
+        }
     }
 }

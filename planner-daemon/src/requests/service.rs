@@ -107,27 +107,28 @@ impl Service {
         if let Err(error) = reduce_timer_slack() {
             tracing::warn!("looks and deadlines may be some 50 us late: {error}");
         }
-        if self.wait == WaitMode::Poll {
-            self.runner.keep_away();
-        }
         while !terminated.load(Ordering::Relaxed) {
-            self.round();
+            let answered = self.round();
             self.keep_warm();
-            self.pause();
+            if !answered {
+                self.pause();
+            }
         }
         self.finish();
     }
 
     /// One round. Answers and cancellations come first: requests of a client beyond those that it may have at work are passed over by iceoryx2,
-    /// and no event tells when they can be received. A plan that is known as soon as it was begun is answered without a sleep.
-    fn round(&mut self) {
+    /// and no event tells when they can be received. Returns whether a plan was answered that was known as soon as it was begun; another round is
+    /// to follow it at once.
+    fn round(&mut self) -> bool {
         while self.take_output() {}
         self.drop_cancelled();
         self.receive();
         self.answer_expired();
         self.keep_goal();
         self.make_way();
-        while self.begin_next() || self.take_output() {}
+        while self.begin_next() {}
+        self.take_output()
     }
 
     /// Keeps the workers warm while the robot moves.

@@ -180,8 +180,7 @@ impl Daemon {
         })
     }
 
-    /// Serves until `terminated` is set, and answers the running plan then. The calling thread stays where it served: on the processors of a planning
-    /// thread (decision 0045).
+    /// Serves until `terminated` is set, and answers the running plan then.
     pub fn run(&mut self, terminated: &AtomicBool) {
         tracing::info!("ready");
         self.service.run(terminated);
@@ -326,7 +325,7 @@ fn load_planner(
 }
 
 /// A processor for each planning thread, where there are as many: a thread that another one wakes would else wait behind it on its processor
-/// (decision 0035).
+/// (decision 0035). They exchange them later on (decision 0045).
 fn own_processors(threads: usize) -> Option<Vec<usize>> {
     let allowed = realtime::allowed_processors().ok()?;
     (allowed.len() == threads).then_some(allowed)
@@ -403,7 +402,7 @@ fn open_service(
         static_scene,
         planner: config.planner,
     };
-    let runner = PlanRunner::new(planner, config.planner)?;
+    let runner = PlanRunner::new(planner, config.planner, config.wait)?;
     let (wait, queued) = (config.wait, config.queued_per_client);
     Ok(Service::open(
         node,

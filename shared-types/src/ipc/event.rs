@@ -131,9 +131,11 @@ impl EventListener {
         #[allow(unsafe_code)]
         let socket = unsafe { BorrowedFd::borrow_raw(self.0.file_descriptor().native_handle()) };
         let readable = |file| PollFd::from_borrowed_fd(file, PollFlags::IN);
-        let mut files = [socket, other.unwrap_or(socket)].map(readable);
-        let count = 1 + usize::from(other.is_some());
-        match poll(&mut files[..count], Some(&limit)) {
+        let polled = match other {
+            Some(other) => poll(&mut [socket, other].map(readable), Some(&limit)),
+            None => poll(&mut [readable(socket)], Some(&limit)),
+        };
+        match polled {
             Ok(_) => self.drain(),
             Err(Errno::INTR) => Ok(false),
             Err(error) => Err(error.into()),

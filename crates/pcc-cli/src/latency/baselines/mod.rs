@@ -103,9 +103,11 @@ impl Baselines {
             for _ in TRANSPORTS {
                 times.push(Times::new_with_bounds(1, LONGEST_NS, 3)?);
             }
-            for _ in 0..requests.div_ceil(TURN) {
-                for (index, round_trip) in round_trips.iter_mut().enumerate() {
-                    take_turn(round_trip, expected, &mut times[index])
+            for turn in 0..requests.div_ceil(TURN) as usize {
+                // Each begins as often as the others.
+                for place in turn..turn + TRANSPORTS.len() {
+                    let index = place % TRANSPORTS.len();
+                    take_turn(&mut round_trips[index], expected, &mut times[index])
                         .context(TRANSPORTS[index])?;
                 }
             }

@@ -25,7 +25,8 @@ use super::checksum::checksum;
 const SERVER_SLEEP: Duration = Duration::from_millis(1);
 const CLIENT_SLEEP: Duration = Duration::from_millis(2);
 
-/// A thread that is handed each request, on the processor of the thread that hands it over as the daemon's is, and says when it has had it.
+/// A thread that is handed each request, and says when it has had it. It comes to the processor of the thread that hands it over, as the daemon's
+/// does where each planning thread has a processor.
 struct Worker {
     thread: u32,
     /// Where it runs; none before its first job.

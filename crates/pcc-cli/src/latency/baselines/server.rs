@@ -8,6 +8,7 @@ use std::{env, io, process, thread};
 
 use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
+use realtime::Pages;
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Knot;
 
@@ -47,7 +48,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     });
     let options = IpcOptions::from_env();
     let is_handed_over = matches!(arguments.transport, Transport::RawHandedOver);
-    let is_ready = || say!("{READY}");
+    let is_ready = || {
+        prepare(&options);
+        say!("{READY}");
+    };
     match arguments.transport {
         Transport::Raw | Transport::RawHandedOver => raw::serve(
             &options,
@@ -57,6 +61,14 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
             &is_over,
         ),
         Transport::Copying => copying::serve(&options, &answer, is_ready, &is_over),
+    }
+}
+
+/// Asks of the system what the daemon does, of which some may be refused here as there.
+fn prepare(options: &IpcOptions) {
+    let _ = realtime::reduce_timer_slack();
+    if realtime::lock_memory(Pages::Touched).is_ok() {
+        let _ = realtime::prefault_shared_memory(&options.prefix);
     }
 }
 
