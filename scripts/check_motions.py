@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """Judges every certified motion of `pcc evaluate` by dense sampling: geometry and time law of its own, numpy alone.
 
-    scripts/check_motions.py DIR [DIR ..] --dataset DATA [--records FILE] [--robot config/robots/unit.toml]
+    scripts/check_motions.py DIR [DIR ..] --dataset DATA [--records FILE] [--tips FILE] [--robot config/robots/unit.toml]
 
 DIR has paths.npz; starts, targets and balls are those of the cases of the data set's split `test`. Knots are joined by quintic Hermite polynomials; each piece is looked at in equal steps of time, the body at equal
 steps of each arc. A motion is contradicted where a sampled point is in a ball (a sampled clearance is never less than the true
 one), its start or its tip is elsewhere, a section bends too far, or a tendon exceeds a limit. The first, middle and last motion of each folder are
 judged once more in copies that are damaged in one way each, in each of which that must be found. FILE has the records that `pcc compare` keeps of
-the same planner and cases: certified motions that last as long as theirs are counted. Prints a line a folder and one JSON object at the end; exit
+the same planner and cases: certified motions that last as long as theirs are counted. With --tips the medians over each case's certified motions
+are written, of the tip path's length ÷ distance and of its roughness. Prints a line a folder and one JSON object at the end; exit
 status 1 where a motion is contradicted or a damaged copy is not.
 """
 
@@ -23,6 +24,7 @@ import numpy as np
 
 STEPS_OF_A_PIECE = 16
 POINTS_OF_A_SECTION = 24
+EQUAL_ARCS = 64
 TIP_TOLERANCE = 0.01
 START_TOLERANCE_RAD = 1e-6
 BENDING_SLACK_RAD = 5e-3
@@ -88,9 +90,9 @@ def rotations(axes):
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
 
 
-def backbone(robot, shapes):
-    """Points of the backbone of each configuration [n, 6]: [n, 3 * POINTS_OF_A_SECTION, 3]."""
-    parts = np.arange(1, POINTS_OF_A_SECTION + 1) / POINTS_OF_A_SECTION
+def backbone(robot, shapes, of_a_section=POINTS_OF_A_SECTION):
+    """Points of the backbone of each configuration [n, 6]: [n, 3 * of_a_section, 3]."""
+    parts = np.arange(1, of_a_section + 1) / of_a_section
     base, turn, points = np.zeros((len(shapes), 3)), np.broadcast_to(np.eye(3), (len(shapes), 3, 3)), []
     for section in range(3):
         bend = shapes[:, 2 * section : 2 * section + 2]
@@ -181,6 +183,25 @@ def unnoticed_of(robot, motion, *case):
     return len(copies), [f"damaged, {word}: {found[word] or 'unnoticed'}" for word in copies if not is_found[word]]
 
 
+def tip_figures(robot, times, knots):
+    """Of the tip's path: length ÷ distance, and ∫‖p‴‖² over its normalised arc length, by third differences of EQUAL_ARCS points."""
+    step = np.arange(STEPS_OF_A_PIECE + 1) / STEPS_OF_A_PIECE
+    tips = backbone(robot, hermite(knots, times, step)[:, :, 0].reshape(-1, 6), 1)[:, -1]
+    passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(tips, axis=0), axis=1))])
+    wanted = np.linspace(0.0, passed[-1], EQUAL_ARCS)
+    points = np.stack([np.interp(wanted, passed, tips[:, axis]) for axis in range(3)], 1)
+    roughness = (np.diff(points, 3, axis=0) ** 2).sum() * (EQUAL_ARCS - 1.0) ** 5
+    return passed[-1] / np.linalg.norm(tips[-1] - tips[0]), roughness
+
+
+def tips_of_case(job):
+    """The medians of `tip_figures` over the certified motions of a case; none where there is none."""
+    robot, _, times, knots, _, certified, *_ = job
+    counts = np.isfinite(times).sum(axis=1)
+    motions = [(times[at, : counts[at]], knots[at, : counts[at]]) for at in np.flatnonzero(certified)]
+    return np.median([tip_figures(robot, *motion) for motion in motions], axis=0).tolist() if motions else None
+
+
 def judge_case(job):
     robot, case, times, knots, delivered, certified, start, target, centres, radii = job
     contradicted, motions = [], []
@@ -247,6 +268,7 @@ def main():
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--dataset", required=True, type=Path)
     parser.add_argument("--records", type=Path)
+    parser.add_argument("--tips", type=Path)
     parser.add_argument("--robot", default="config/robots/unit.toml")
     arguments = parser.parse_args()
     robot = Robot(arguments.robot)
@@ -264,6 +286,9 @@ def main():
             whole["contradicted"] += len(texts) - len(unnoticed)
             whole["damaged"] += damages
             whole["unnoticed"] += len(unnoticed)
+            if arguments.tips:
+                tips = list(workers.map(tips_of_case, jobs(robot, folder, arguments.dataset), chunksize=4))
+                arguments.tips.write_text(json.dumps(tips))
             if arguments.records:
                 recorded, same = same_as_recorded(folder, arguments.records)
                 whole["recorded"] += recorded

@@ -342,20 +342,20 @@ fn modes_of_certified(out: &Path) -> anyhow::Result<Vec<usize>> {
     Ok((0..certified.len() / slots).map(case).collect())
 }
 
-/// Sampling alone, the three samplers in turns, so that other load falls on all of them.
+/// Sampling alone, the three samplers in turns, so that other load falls on all of them; the cases are enough to have all numbers of balls.
 pub(crate) fn time_of_refinements(
     report: &mut Report,
     scale: Scale,
     unseen: &Unseen,
     paper: &Paper,
 ) -> anyhow::Result<()> {
-    let (cases, rounds) = scale.pick((4, 3), (12, 9));
+    let (cases, rounds) = scale.pick((20, 2), (60, 3));
     let (name, model) = (unseen.name, unseen.model()?);
     let dataset = unseen.make(cases)?;
     let setting = format!("{name}-turns");
     let seconds = |planner| {
         let evaluation = evaluation(&setting, &dataset, &model, planner, cases);
-        number(&evaluation.repeat()?, "/stage_seconds/sample/median")
+        number(&evaluation.repeat()?, "/stage_seconds/sample/mean")
     };
     let [mut post, mut guided] = [Vec::new(), Vec::new()];
     for _ in 0..rounds {

@@ -5,7 +5,7 @@
 //! segment's tip path as the bending limits demand. The tip of a nearly straight robot, which sets out sideways only, is brought onto
 //! the line at the pace of the sampled path: with a speed of zero at first it goes exactly straight. Where the body would come
 //! too near to an obstacle on all such curves, the path is first corrected, and its tip then brought onto the smoothest curve
-//! beside its own path that leaves room.
+//! between its own path and the straight segment's that leaves room.
 
 use crate::optimize::corner_precompensation::precompensated;
 use crate::optimize::tip_tracker::{TipDemand, TipTracker};
@@ -14,12 +14,18 @@ use crate::path::waypoints::{WAYPOINTS, WaypointArray, Waypoints, parameter};
 use collision::Scene;
 use nalgebra::SymmetricEigen;
 use pcc_model::{Backbone, Configuration, Point, SECTIONS, TendonLimits, UnitRobot};
+use std::iter::once;
 
 /// Strengths of the smoothing of a tip's path, or of configurations, in the order in which they are tried: they remove waves shorter
 /// than 43, 29, 20 and 14 waypoints.
 const STRENGTHS: [f64; 4] = [1e5, 1e4, 1e3, 1e2];
 /// Shares of the straight segment's tip path in the curve, in the order in which they are tried.
 const SHARES: [f64; 3] = [0.0, 0.5, 0.8];
+/// Largest share of the straight segment's tip path in the curve that is tried first beside a corrected path: it makes the path longer.
+const LARGEST_FIRST_SHARE: f64 = 0.5;
+/// Step between the shares that are tried beside that one, and how many are tried to either side.
+const SHARE_STEP: f64 = 0.07;
+const SHARE_STEPS: i8 = 7;
 /// A tip that moves less than this in some direction by a rad of bending cannot set out in that direction, section lengths per rad.
 const STIFF: f64 = 0.6;
 /// Stiffness of an end above which the tip follows the line at the pace of the path: that of a straight robot sets out sideways only.
@@ -29,6 +35,9 @@ const SEGMENT_SHARE: f64 = 0.35;
 /// Width of the band below the bending limit in which bending is compressed, so that a path does not run into its limits with a kink,
 /// rad.
 const SOFT_RAD: f64 = 0.15;
+
+/// The tip at each waypoint of a path.
+type Tips = [Point; WAYPOINTS];
 
 /// Paths whose tips follow smooth curves, and paths without waves.
 pub(crate) struct TipPaths {
@@ -75,6 +84,9 @@ impl TipPaths {
 
     /// Brings the tip onto the smoothest curve beside its path on which the body keeps a clearance of `margin` beyond the tube
     /// (section lengths); both ends stay exactly where they are. Where there is none, the path stays as it is.
+    ///
+    /// A path that was pushed around obstacles is farther from the straight segment than it must be, and rougher: curves between the two
+    /// are tried first.
     pub(crate) fn smooth_tip(
         &self,
         robot: &UnitRobot,
@@ -82,21 +94,33 @@ impl TipPaths {
         margin: f64,
         path: &mut [Configuration],
     ) -> bool {
+        let ends = [path[0], path[WAYPOINTS - 1]];
         let tracker = TipTracker {
             robot,
             scene,
             margin,
-            ends: [path[0], path[WAYPOINTS - 1]],
+            ends,
         };
         let demand = TipDemand {
             loose: None,
             keeps_limits: false,
         };
-        let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| robot.tip(&path[h]));
-        let tracked = self.smoothers.iter().find_map(|smoother| {
-            let curve = smoother.smooth(&tips);
-            tracker.track(&demand, |h| path[h], |h| curve[h])
-        });
+        let segment: WaypointArray = std::array::from_fn(|h| ends[0].lerp(&ends[1], parameter(h)));
+        let tips_of = |path: &[Configuration]| std::array::from_fn(|h| robot.tip(&path[h]));
+        let (tips, segment_tips): (Tips, Tips) = (tips_of(path), tips_of(&segment));
+        let track = |curve: &Tips, share: f64| {
+            tracker.track(
+                &demand,
+                |h| path[h].lerp(&segment[h], share),
+                |h| curve[h].lerp(&segment_tips[h], share),
+            )
+        };
+        let [strongest, weaker @ ..] = &self.smoothers;
+        let smoothest = strongest.smooth(&tips);
+        let mut shares = shares_beside(smoothest_share(&smoothest, &segment_tips));
+        let tracked = shares.find_map(|share| track(&smoothest, share));
+        let as_it_is = || weaker.iter().find_map(|it| track(&it.smooth(&tips), 0.0));
+        let tracked = tracked.or_else(as_it_is);
         if let Some(tracked) = &tracked {
             path.copy_from_slice(tracked);
         }
@@ -126,6 +150,27 @@ impl TipPaths {
         let guess = |h: usize| tip_line.softened(h, &smooth[h]);
         tracker.track(&demand, guess, |h| tip_line.on_the_line(h))
     }
+}
+
+/// The share of `other` with which a mixture of two tip paths has the least third differences, up to [`LARGEST_FIRST_SHARE`].
+fn smoothest_share(curve: &Tips, other: &Tips) -> f64 {
+    let third = |w: &[Point]| w[3] - w[0] + (w[1] - w[2]) * 3.0;
+    let (mut gained, mut scale) = (0.0, f64::MIN_POSITIVE);
+    for (curve, other) in curve.windows(4).zip(other.windows(4)) {
+        let own = third(curve);
+        let difference = own - third(other);
+        gained += own.dot(&difference);
+        scale += difference.norm_squared();
+    }
+    (gained / scale).clamp(0.0, LARGEST_FIRST_SHARE)
+}
+
+/// A share, and others to either side of it, the nearest first; none without anything of either path.
+fn shares_beside(first: f64) -> impl Iterator<Item = f64> {
+    let steps = (1..=SHARE_STEPS).flat_map(|step| [-step, step]);
+    let shares = once(0).chain(steps);
+    let shares = shares.map(move |step| first + SHARE_STEP * f64::from(step));
+    shares.filter(|share| (0.0..1.0).contains(share))
 }
 
 /// The configurations of a path, smoothed.
@@ -322,6 +367,27 @@ mod tests {
         assert!(TipPaths::new().smooth_tip(&robot, &Scene::default(), 0.01, &mut path));
         assert!(third(&path) < 0.01 * third(&given));
         assert_eq!([path[0], path[63]], [given[0], given[63]]);
+    }
+
+    #[test]
+    fn a_detour_that_is_wider_than_it_must_be_comes_nearer_to_the_segment() {
+        let robot = unit_robot();
+        let segment = straight_path(&jagged()[0], &jagged()[63]);
+        let widest = |path: &[Configuration]| {
+            let off = path
+                .iter()
+                .zip(&segment)
+                .map(|(q, s)| robot.tip(q) - robot.tip(s));
+            off.map(|off| off.norm()).fold(0.0, f64::max)
+        };
+        let mut path = jagged();
+        assert!(TipPaths::new().smooth_tip(&robot, &Scene::default(), 0.01, &mut path));
+        assert!(widest(&path) < 0.6 * widest(&jagged()));
+        let least: Vec<f64> = shares_beside(0.03).collect();
+        assert!(
+            least[..2] == [0.03, 0.03 + SHARE_STEP] && least.len() == 8,
+            "{least:?}"
+        );
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Certified motions judged by numpy: no geometry and no time law of this project.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,7 +9,7 @@ use anyhow::{Context, bail, ensure};
 use serde_json::Value;
 use tests::programs::repository;
 
-use super::comparison::{compare, out};
+use super::comparison::{NULL_ARM, compare, out};
 use super::planners::{BY_THE_CLOCK, planners};
 use crate::paper_python::environment;
 use crate::report::Report;
@@ -40,7 +41,11 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
                 evaluation.run(report, scale)?;
                 let records = out(scale).join(format!("cases/{set}-{planner}.jsonl"));
                 let records = (!BY_THE_CLOCK.contains(&planner)).then_some(records);
-                all.judge(&evaluation.out(), &dataset, records.as_deref())?;
+                let tips = all.judge(&evaluation.out(), &dataset, records.as_deref())?;
+                all.tips.insert((set.to_owned(), planner), tips);
+            }
+            for rival in [NULL_ARM, "rrt-smooth"] {
+                all.tell_tips(report, set, rival);
             }
         }
         all.tell(report);
@@ -72,20 +77,27 @@ struct Judged {
     contradicted: Vec<String>,
     damaged: f64,
     unnoticed: f64,
+    /// By set and planner.
+    tips: BTreeMap<(String, &'static str), Tips>,
 }
 
+/// Of each case the medians over its certified motions: tip length ÷ distance, and roughness; none where there is none.
+type Tips = Vec<Option<[f64; 2]>>;
+
 impl Judged {
-    /// Has the motions of an evaluation judged, and held against what the comparison has recorded of them.
+    /// Has the motions of an evaluation judged, and held against what the comparison has recorded of them; what it measured of their tips.
     fn judge(
         &mut self,
         folder: &Path,
         dataset: &Path,
         records: Option<&Path>,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<Tips> {
         let mut checker = Command::new(&self.python);
         checker.current_dir(repository());
         checker.arg("scripts/check_motions.py").arg(folder);
+        let tips = folder.join("tips.json");
         checker.arg("--dataset").arg(dataset);
+        checker.arg("--tips").arg(&tips);
         if let Some(records) = records {
             checker.arg("--records").arg(records);
         }
@@ -114,7 +126,54 @@ impl Judged {
                 *sum += number(&verdict, count)?;
             }
         }
-        Ok(())
+        Ok(serde_json::from_str(&fs::read_to_string(tips)?)?)
+    }
+
+    /// The tips of `fast` beside a rival's in the cases that the rival solves, with the bars of group `comparison`.
+    fn tell_tips(&self, report: &mut Report, set: &str, rival: &'static str) {
+        let of = |planner| &self.tips[&(set.to_owned(), planner)];
+        let pairs = of("fast").iter().zip(of(rival));
+        let pairs: Vec<_> = pairs
+            .filter_map(|(fast, rival)| Some((*fast, (*rival)?)))
+            .collect();
+        let ahead = |is: fn([f64; 2], [f64; 2]) -> bool| {
+            let ahead = pairs
+                .iter()
+                .filter(|(fast, rival)| fast.is_some_and(|it| is(it, *rival)));
+            100.0 * ahead.count() as f64 / pairs.len() as f64
+        };
+        let is_null_arm = rival == NULL_ARM;
+        let shares = [
+            ("shorter", true, ahead(|a, b| a[0] < b[0])),
+            ("smoother", is_null_arm, ahead(|a, b| a[1] < b[1])),
+            (
+                "shorter and smoother",
+                is_null_arm,
+                ahead(|a, b| a[0] < b[0] && a[1] < b[1]),
+            ),
+        ];
+        let line = |what: &str| {
+            format!(
+                "{set}: tips measured by NumPy, fast beside {rival}, of the {} cases that it solves: {what}",
+                pairs.len()
+            )
+        };
+        for (what, has_bar, share) in shares {
+            let figure = format!("{share:.1} %");
+            if set == "hard" && has_bar {
+                report.check(&line(what), figure, ">= 90 %", share >= 90.0);
+            } else {
+                report.shown(&line(what), figure);
+            }
+        }
+        if set != "hard" && is_null_arm {
+            let ratios = pairs.iter().filter_map(|(a, b)| Some((*a)?[0] / b[0]));
+            let longest = ratios.clone().fold(0.0, f64::max);
+            let count = ratios.clone().count() as f64;
+            report.at_most(&line("length ÷ the other's, largest"), longest, 1.01);
+            let mean = ratios.sum::<f64>() / count;
+            report.at_most(&line("length ÷ the other's, mean"), mean, 1.0);
+        }
     }
 
     fn tell(&self, report: &mut Report) {

@@ -17,7 +17,7 @@ const COMMAND: &str = "pcc compare";
 /// Candidates, or attempts, of every case.
 const ATTEMPTS: f64 = 10.0;
 /// Everything that `fast` has, but the network.
-const NULL_ARM: &str = "straight-drawn";
+pub(super) const NULL_ARM: &str = "straight-drawn";
 const SECONDS: &str = "seconds_a_success";
 /// The table of the page that is in the repository.
 const COMMITTED: &str = "docs/results/compare.csv";

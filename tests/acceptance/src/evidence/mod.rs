@@ -24,5 +24,5 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     paper_model::run,
     refinements::run,
     checker::run,
-    |report, _| view::run(report),
+    view::run,
 ];

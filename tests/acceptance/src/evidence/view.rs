@@ -19,6 +19,7 @@ use tests::world::{Settings, World};
 use super::browser::Browser;
 use crate::report::Report;
 use crate::runs::{folder, run_pcc};
+use crate::scale::Scale;
 
 /// What is recorded, s.
 const RECORDED_S: u32 = 62;
@@ -37,7 +38,7 @@ const BALL_PERIOD_S: f64 = 8.0;
 /// For how long controller and daemon are away: the daemon's absence is noticed after 2.5 s.
 const AWAY: Duration = Duration::from_secs(8);
 
-pub(super) fn run(report: &mut Report) {
+pub(super) fn run(report: &mut Report, scale: Scale) {
     report.group("the view", "pcc view FILE|--live", |report| {
         let browser = Browser::find()?;
         let out = folder().join("view");
@@ -48,7 +49,7 @@ pub(super) fn run(report: &mut Report) {
         let is_over = AtomicBool::new(false);
         scope(|scope| {
             let ball = scope.spawn(|| move_a_ball(&options, &is_over));
-            let done = files(report, &browser, &mut stack, &out)
+            let done = files(report, scale, &browser, &mut stack, &out)
                 .and_then(|()| live(report, &browser, &mut stack, &out));
             is_over.store(true, Ordering::Relaxed);
             let moved = ball.join();
@@ -80,6 +81,7 @@ fn alone(report: &mut Report) -> anyhow::Result<()> {
 /// Pages of files.
 fn files(
     report: &mut Report,
+    scale: Scale,
     browser: &Browser,
     stack: &mut Stack,
     out: &Path,
@@ -109,17 +111,19 @@ fn files(
         let path = entry?.path();
         pages.extend((path.extension() == Some("html".as_ref())).then(|| text(path)));
     }
-    let made = folder().join("page/index.html");
-    report.check(
-        "pages that are opened: the one that group `page` has made",
-        text(made.clone()),
-        "it is there",
-        made.is_file(),
-    );
-    if made.is_file() {
-        let fresh = out.join("made-now.html");
-        fs::copy(made, &fresh)?;
-        pages.push(text(fresh));
+    for name in scale.pick(&["page"][..], &["page", "compare"]) {
+        let made = folder().join(name).join("index.html");
+        report.check(
+            "pages that are opened: one that was made before",
+            text(made.clone()),
+            "it is there",
+            made.is_file(),
+        );
+        if made.is_file() {
+            let fresh = out.join(format!("made-now-{name}.html"));
+            fs::copy(made, &fresh)?;
+            pages.push(text(fresh));
+        }
     }
     browser.start("check.mjs", &pages)?.report(report, None)
 }
