@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 """Judges every certified motion of `pcc evaluate` by dense sampling: geometry and time law of its own, numpy alone.
 
-    scripts/check_motions.py DIR [DIR ..] --dataset DATA [--records FILE] [--tips FILE] [--robot config/robots/unit.toml]
+    scripts/check_motions.py DIR [DIR ..] --dataset DATA [--records RECORDS] [--tips TIPS] [--robot config/robots/unit.toml]
 
 DIR has paths.npz; starts, targets and balls are those of the cases of the data set's split `test`. Knots are joined by quintic Hermite polynomials; each piece is looked at in equal steps of time, the body at equal
 steps of each arc. A motion is contradicted where a sampled point is in a ball (a sampled clearance is never less than the true
 one), its start or its tip is elsewhere, a section bends too far, or a tendon exceeds a limit. The first, middle and last motion of each folder are
-judged once more in copies that are damaged in one way each, in each of which that must be found. FILE has the records that `pcc compare` keeps of
-the same planner and cases: certified motions that last as long as theirs are counted. With --tips the medians over each case's certified motions
-are written, of the tip path's length ÷ distance and of its roughness. Prints a line a folder and one JSON object at the end; exit
+judged once more in copies that are damaged in one way each, in each of which that must be found. RECORDS are those that `pcc compare` keeps of
+the same planner and cases: certified motions that last as long as theirs are counted. To TIPS goes a JSON list with an
+entry for each case of all folders: the medians over its certified motions of tip length ÷ distance and of tip smoothness (m²), or null. Prints a line a folder and one JSON object at the end; exit
 status 1 where a motion is contradicted or a damaged copy is not.
 """
 
@@ -24,7 +24,7 @@ import numpy as np
 
 STEPS_OF_A_PIECE = 16
 POINTS_OF_A_SECTION = 24
-EQUAL_ARCS = 64
+POINTS_OF_A_TIP_PATH = 64
 TIP_TOLERANCE = 0.01
 START_TOLERANCE_RAD = 1e-6
 BENDING_SLACK_RAD = 5e-3
@@ -61,10 +61,13 @@ class Robot:
 def hermite(knots, times, step):
     """Position, velocity, acceleration and jerk at fractions of each piece: [pieces, fractions, 4, 6].
 
-    The six coefficients of a piece solve the six conditions at its two ends, in its own time from 0 to 1.
+    The six coefficients of a piece solve the six conditions at its two ends, in its own time from 0 to 1, as a way from its first position: in half
+    a millisecond of whole positions rounding would be a millionth of a limit of jerk.
     """
     spans = np.diff(times)[:, None]
-    begin, end = knots[:-1], knots[1:]
+    origin = np.zeros_like(knots[:-1])
+    origin[:, 0] = knots[:-1, 0]
+    begin, end = knots[:-1] - origin, knots[1:] - origin
     scaled = [spans**order for order in range(3)]
     right = np.concatenate([np.stack([side[:, order] * scaled[order] for order in range(3)], 1) for side in (begin, end)], 1)
     powers = np.arange(6)
@@ -77,7 +80,9 @@ def hermite(knots, times, step):
     coefficients = np.linalg.solve(left, right)
     looks = np.array([[row(u, order) for order in range(4)] for u in step])
     values = np.einsum("uok,pkd->puod", looks, coefficients)
-    return values / (spans[:, None, None, :] ** np.arange(4)[None, None, :, None])
+    values = values / (spans[:, None, None, :] ** np.arange(4)[None, None, :, None])
+    values[:, :, 0] += origin[:, None, 0]
+    return values
 
 
 def rotations(axes):
@@ -90,9 +95,9 @@ def rotations(axes):
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
 
 
-def backbone(robot, shapes, of_a_section=POINTS_OF_A_SECTION):
-    """Points of the backbone of each configuration [n, 6]: [n, 3 * of_a_section, 3]."""
-    parts = np.arange(1, of_a_section + 1) / of_a_section
+def backbone(robot, shapes, points_of_a_section=POINTS_OF_A_SECTION):
+    """Points of the backbone of each configuration [n, 6]: [n, 3 * points_of_a_section, 3]."""
+    parts = np.arange(1, points_of_a_section + 1) / points_of_a_section
     base, turn, points = np.zeros((len(shapes), 3)), np.broadcast_to(np.eye(3), (len(shapes), 3, 3)), []
     for section in range(3):
         bend = shapes[:, 2 * section : 2 * section + 2]
@@ -183,32 +188,37 @@ def unnoticed_of(robot, motion, *case):
     return len(copies), [f"damaged, {word}: {found[word] or 'unnoticed'}" for word in copies if not is_found[word]]
 
 
+def motions_of(times, knots, chosen):
+    """Times and knots of the chosen candidates of a case, without their padding."""
+    counts = np.isfinite(times).sum(axis=1)
+    return [(times[at, : counts[at]], knots[at, : counts[at]]) for at in np.flatnonzero(chosen)]
+
+
 def tip_figures(robot, times, knots):
-    """Of the tip's path: length ÷ distance, and ∫‖p‴‖² over its normalised arc length, by third differences of EQUAL_ARCS points."""
+    """Length ÷ distance of the tip's path, and its smoothness ∫‖p‴‖² over the normalised arc length, m², by third differences of points at equal
+    lengths on the sampled polyline."""
     step = np.arange(STEPS_OF_A_PIECE + 1) / STEPS_OF_A_PIECE
     tips = backbone(robot, hermite(knots, times, step)[:, :, 0].reshape(-1, 6), 1)[:, -1]
     passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(tips, axis=0), axis=1))])
-    wanted = np.linspace(0.0, passed[-1], EQUAL_ARCS)
+    wanted = np.linspace(0.0, passed[-1], POINTS_OF_A_TIP_PATH)
     points = np.stack([np.interp(wanted, passed, tips[:, axis]) for axis in range(3)], 1)
-    roughness = (np.diff(points, 3, axis=0) ** 2).sum() * (EQUAL_ARCS - 1.0) ** 5
-    return passed[-1] / np.linalg.norm(tips[-1] - tips[0]), roughness
+    smoothness = (np.diff(points, 3, axis=0) ** 2).sum() * (POINTS_OF_A_TIP_PATH - 1.0) ** 5
+    return passed[-1] / np.linalg.norm(tips[-1] - tips[0]), smoothness
 
 
 def tips_of_case(job):
     """The medians of `tip_figures` over the certified motions of a case; none where there is none."""
     robot, _, times, knots, _, certified, *_ = job
-    counts = np.isfinite(times).sum(axis=1)
-    motions = [(times[at, : counts[at]], knots[at, : counts[at]]) for at in np.flatnonzero(certified)]
+    motions = motions_of(times, knots, certified)
     return np.median([tip_figures(robot, *motion) for motion in motions], axis=0).tolist() if motions else None
 
 
 def judge_case(job):
     robot, case, times, knots, delivered, certified, start, target, centres, radii = job
-    contradicted, motions = [], []
-    for candidate in np.flatnonzero(delivered | certified):
-        count = int(np.isfinite(times[candidate]).sum())
-        motions.append((times[candidate, :count], knots[candidate, :count]))
-        found = faults(robot, *motions[-1], start, target, centres, radii)
+    contradicted, chosen = [], delivered | certified
+    motions = motions_of(times, knots, chosen)
+    for candidate, motion in zip(np.flatnonzero(chosen), motions):
+        found = faults(robot, *motion, start, target, centres, radii)
         if found:
             contradicted.append(f"case {case}, candidate {candidate}: {'; '.join(found)}")
     return len(motions), int(certified.sum()), contradicted
@@ -218,9 +228,7 @@ def some_motions(jobs):
     """The first, middle and last of the jobs' motions with their cases: the arguments of `unnoticed_of` after the robot."""
     motions = []
     for _, _, times, knots, delivered, certified, *case in jobs:
-        for candidate in np.flatnonzero(delivered | certified):
-            count = int(np.isfinite(times[candidate]).sum())
-            motions.append(((times[candidate, :count], knots[candidate, :count]), *case))
+        motions += [(motion, *case) for motion in motions_of(times, knots, delivered | certified)]
     places = {0, len(motions) // 2, len(motions) - 1} if motions else ()
     return [motions[place] for place in places]
 
@@ -267,12 +275,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--dataset", required=True, type=Path)
-    parser.add_argument("--records", type=Path)
-    parser.add_argument("--tips", type=Path)
+    parser.add_argument("--records", type=Path, metavar="RECORDS")
+    parser.add_argument("--tips", type=Path, metavar="TIPS")
     parser.add_argument("--robot", default="config/robots/unit.toml")
     arguments = parser.parse_args()
     robot = Robot(arguments.robot)
     whole = {"judged": 0, "certified": 0, "contradicted": 0, "damaged": 0, "unnoticed": 0, "recorded": 0, "same": 0}
+    tips = []
     with ProcessPoolExecutor() as workers:
         for folder in arguments.folders:
             results = list(workers.map(judge_case, jobs(robot, folder, arguments.dataset), chunksize=4))
@@ -287,12 +296,13 @@ def main():
             whole["damaged"] += damages
             whole["unnoticed"] += len(unnoticed)
             if arguments.tips:
-                tips = list(workers.map(tips_of_case, jobs(robot, folder, arguments.dataset), chunksize=4))
-                arguments.tips.write_text(json.dumps(tips))
+                tips += workers.map(tips_of_case, jobs(robot, folder, arguments.dataset), chunksize=4)
             if arguments.records:
                 recorded, same = same_as_recorded(folder, arguments.records)
                 whole["recorded"] += recorded
                 whole["same"] += same
+    if arguments.tips:
+        arguments.tips.write_text(json.dumps(tips))
     print(json.dumps(whole))
     sys.exit(whole["contradicted"] + whole["unnoticed"] > 0)
 

@@ -342,7 +342,8 @@ fn modes_of_certified(out: &Path) -> anyhow::Result<Vec<usize>> {
     Ok((0..certified.len() / slots).map(case).collect())
 }
 
-/// Sampling alone, the three samplers in turns, so that other load falls on all of them; the cases are enough to have all numbers of balls.
+/// Time of sampling alone, the mean over cases since it depends on the number of balls, of which the cases have all. The three samplers
+/// run in turns, so that other load falls on all of them.
 pub(crate) fn time_of_refinements(
     report: &mut Report,
     scale: Scale,
@@ -364,7 +365,7 @@ pub(crate) fn time_of_refinements(
         guided.push(seconds(GUIDED)? / pure);
     }
     let [post, guided] = [median(&post), median(&guided)];
-    let line = |planner| format!("{name}: {planner}, time of sampling against {PURE}");
+    let line = |planner| format!("{name}: {planner}, mean time of sampling against {PURE}");
     let text = |ratio, paper| format!("{:+.1} %{}", percent_more(ratio, 1.0), beside(Some(paper)));
     report.shown(&line(POST), text(post, paper.post_time));
     let bar = format!("<= {GUIDED_AT_MOST} times");

@@ -55,7 +55,7 @@ impl MotionConstraints<'_> {
     /// margin.
     ///
     /// With `smooths_tip`, as for learned paths, the tip is brought onto a smooth curve: a straight one without correction if the body
-    /// is clear there, else one beside the corrected path.
+    /// is clear there, else one between the corrected path's and the straight segment's, or its own.
     ///
     /// Among moving balls the motion keeps clear of them, too, around them or after a wait.
     ///

@@ -4,8 +4,8 @@
 //! straight line at even speed, bent at its ends where the robot cannot set out along it, or as much nearer to the straight
 //! segment's tip path as the bending limits demand. The tip of a nearly straight robot, which sets out sideways only, is brought onto
 //! the line at the pace of the sampled path: with a speed of zero at first it goes exactly straight. Where the body would come
-//! too near to an obstacle on all such curves, the path is first corrected, and its tip then brought onto the smoothest curve
-//! between its own path and the straight segment's that leaves room.
+//! too near to an obstacle on all such curves, the path is first corrected, and its tip then brought onto the first curve that leaves
+//! room: mixtures of its smoothed tip path and the straight segment's, then its own, smoothed less.
 
 use crate::optimize::corner_precompensation::precompensated;
 use crate::optimize::tip_tracker::{TipDemand, TipTracker};
@@ -19,12 +19,14 @@ use std::iter::once;
 /// Strengths of the smoothing of a tip's path, or of configurations, in the order in which they are tried: they remove waves shorter
 /// than 43, 29, 20 and 14 waypoints.
 const STRENGTHS: [f64; 4] = [1e5, 1e4, 1e3, 1e2];
-/// Shares of the straight segment's tip path in the curve, in the order in which they are tried.
+/// Shares of the straight segment's tip path in the curve of a path that needs no correction, in the order in which they are tried.
 const SHARES: [f64; 3] = [0.0, 0.5, 0.8];
-/// Largest share of the straight segment's tip path in the curve that is tried first beside a corrected path: it makes the path longer.
+/// Largest share of the straight segment's tip path that is tried first beside a corrected path: up to 0.8 as few paths are smoother as with
+/// fixed shares (docs/evaluation-history.md "Tip paths").
 const LARGEST_FIRST_SHARE: f64 = 0.5;
-/// Step between the shares that are tried beside that one, and how many are tried to either side.
+/// Step between the shares that are tried after that one.
 const SHARE_STEP: f64 = 0.07;
+/// Steps to either side of the first share: 7 × 0.07 = 0.49, from 0.5 nearly to 0 and to 1.
 const SHARE_STEPS: i8 = 7;
 /// A tip that moves less than this in some direction by a rad of bending cannot set out in that direction, section lengths per rad.
 const STIFF: f64 = 0.6;
@@ -82,11 +84,11 @@ impl TipPaths {
         tracked.is_some()
     }
 
-    /// Brings the tip onto the smoothest curve beside its path on which the body keeps a clearance of `margin` beyond the tube
-    /// (section lengths); both ends stay exactly where they are. Where there is none, the path stays as it is.
+    /// Brings the tip onto a smooth curve on which the body keeps a clearance of `margin` beyond the tube (section lengths); both
+    /// ends stay exactly where they are. Returns whether there is such a curve; where there is none, the path stays as it is.
     ///
-    /// A path that was pushed around obstacles is farther from the straight segment than it must be, and rougher: curves between the two
-    /// are tried first.
+    /// Pushes leave a path rougher, and farther from the straight segment, than it must be: mixtures of its smoothed tip path with the
+    /// segment's are tried first, then its own tip path, smoothed less and less.
     pub(crate) fn smooth_tip(
         &self,
         robot: &UnitRobot,
@@ -117,10 +119,10 @@ impl TipPaths {
         };
         let [strongest, weaker @ ..] = &self.smoothers;
         let smoothest = strongest.smooth(&tips);
-        let mut shares = shares_beside(smoothest_share(&smoothest, &segment_tips));
-        let tracked = shares.find_map(|share| track(&smoothest, share));
-        let as_it_is = || weaker.iter().find_map(|it| track(&it.smooth(&tips), 0.0));
-        let tracked = tracked.or_else(as_it_is);
+        let first = smoothest_share(&smoothest, &segment_tips);
+        let tracked = shares_beside(first)
+            .find_map(|share| track(&smoothest, share))
+            .or_else(|| weaker.iter().find_map(|it| track(&it.smooth(&tips), 0.0)));
         if let Some(tracked) = &tracked {
             path.copy_from_slice(tracked);
         }
@@ -152,20 +154,23 @@ impl TipPaths {
     }
 }
 
-/// The share of `other` with which a mixture of two tip paths has the least third differences, up to [`LARGEST_FIRST_SHARE`].
+/// The share of `other`, 0 to [`LARGEST_FIRST_SHARE`], with which the mixture of two tip paths has the least sum of squared third
+/// differences; 0 where both have the same.
 fn smoothest_share(curve: &Tips, other: &Tips) -> f64 {
     let third = |w: &[Point]| w[3] - w[0] + (w[1] - w[2]) * 3.0;
-    let (mut gained, mut scale) = (0.0, f64::MIN_POSITIVE);
+    // The share s minimises Σ‖a − s d‖²: s = Σ a·d / Σ‖d‖². The smallest number keeps 0 / 0 away.
+    let (mut product, mut square) = (0.0, f64::MIN_POSITIVE);
     for (curve, other) in curve.windows(4).zip(other.windows(4)) {
         let own = third(curve);
         let difference = own - third(other);
-        gained += own.dot(&difference);
-        scale += difference.norm_squared();
+        product += own.dot(&difference);
+        square += difference.norm_squared();
     }
-    (gained / scale).clamp(0.0, LARGEST_FIRST_SHARE)
+    (product / square).clamp(0.0, LARGEST_FIRST_SHARE)
 }
 
-/// A share, and others to either side of it, the nearest first; none without anything of either path.
+/// A share, then those up to [`SHARE_STEPS`] steps of [`SHARE_STEP`] less and more, the nearest first, as far as they are from 0 (the
+/// curve alone) to below 1 (the segment's tip path alone).
 fn shares_beside(first: f64) -> impl Iterator<Item = f64> {
     let steps = (1..=SHARE_STEPS).flat_map(|step| [-step, step]);
     let shares = once(0).chain(steps);
@@ -383,11 +388,24 @@ mod tests {
         let mut path = jagged();
         assert!(TipPaths::new().smooth_tip(&robot, &Scene::default(), 0.01, &mut path));
         assert!(widest(&path) < 0.6 * widest(&jagged()));
-        let least: Vec<f64> = shares_beside(0.03).collect();
-        assert!(
-            least[..2] == [0.03, 0.03 + SHARE_STEP] && least.len() == 8,
-            "{least:?}"
-        );
+    }
+
+    #[test]
+    fn shares_go_to_both_sides_from_0_to_below_1() {
+        let of = |first| shares_beside(first).collect::<Vec<f64>>();
+        assert_eq!(of(0.03)[..2], [0.03, 0.03 + SHARE_STEP]);
+        assert_eq!(of(0.3)[..3], [0.3, 0.3 - SHARE_STEP, 0.3 + SHARE_STEP]);
+        let counts = [0.0, 0.03, LARGEST_FIRST_SHARE].map(|first| of(first).len());
+        assert_eq!(counts, [8, 8, 15]);
+    }
+
+    #[test]
+    fn the_smoothest_share_is_bounded_and_none_for_equal_paths() {
+        let line: Tips = std::array::from_fn(|h| Point::x() * parameter(h));
+        let bent: Tips = std::array::from_fn(|h| Point::y() * parameter(h).powi(3));
+        assert!(smoothest_share(&bent, &bent).abs() < 1e-12);
+        assert!(smoothest_share(&line, &bent) < 1e-9);
+        assert!((smoothest_share(&bent, &line) - LARGEST_FIRST_SHARE).abs() < 1e-12);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Certified motions judged by numpy: no geometry and no time law of this project.
+//! Certified motions judged, and their tip paths measured, by NumPy: no geometry and no time law of this project.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -9,7 +9,7 @@ use anyhow::{Context, bail, ensure};
 use serde_json::Value;
 use tests::programs::repository;
 
-use super::comparison::{NULL_ARM, compare, out};
+use super::comparison::{LEAST_AHEAD, LENGTH_AT_MOST, NULL_ARM, RIVALS, compare, out};
 use super::planners::{BY_THE_CLOCK, planners};
 use crate::paper_python::environment;
 use crate::report::Report;
@@ -44,7 +44,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
                 let tips = all.judge(&evaluation.out(), &dataset, records.as_deref())?;
                 all.tips.insert((set.to_owned(), planner), tips);
             }
-            for rival in [NULL_ARM, "rrt-smooth"] {
+            for rival in RIVALS {
                 all.tell_tips(report, set, rival);
             }
         }
@@ -81,11 +81,11 @@ struct Judged {
     tips: BTreeMap<(String, &'static str), Tips>,
 }
 
-/// Of each case the medians over its certified motions: tip length ÷ distance, and roughness; none where there is none.
+/// For each case the medians over its certified motions of tip length ÷ distance and of tip smoothness; none where no motion is certified.
 type Tips = Vec<Option<[f64; 2]>>;
 
 impl Judged {
-    /// Has the motions of an evaluation judged, and held against what the comparison has recorded of them; what it measured of their tips.
+    /// Has the motions of an evaluation judged, and held against what the comparison has recorded of them; returns the figures of their tips.
     fn judge(
         &mut self,
         folder: &Path,
@@ -132,6 +132,11 @@ impl Judged {
     /// The tips of `fast` beside a rival's in the cases that the rival solves, with the bars of group `comparison`.
     fn tell_tips(&self, report: &mut Report, set: &str, rival: &'static str) {
         let of = |planner| &self.tips[&(set.to_owned(), planner)];
+        assert_eq!(
+            of("fast").len(),
+            of(rival).len(),
+            "cases of fast and of {rival} in {set}"
+        );
         let pairs = of("fast").iter().zip(of(rival));
         let pairs: Vec<_> = pairs
             .filter_map(|(fast, rival)| Some((*fast, (*rival)?)))
@@ -154,25 +159,21 @@ impl Judged {
         ];
         let line = |what: &str| {
             format!(
-                "{set}: tips measured by NumPy, fast beside {rival}, of the {} cases that it solves: {what}",
+                "{set}: tips measured by NumPy, fast beside {rival}: {what}, of the {} cases that {rival} solves",
                 pairs.len()
             )
         };
         for (what, has_bar, share) in shares {
             let figure = format!("{share:.1} %");
             if set == "hard" && has_bar {
-                report.check(&line(what), figure, ">= 90 %", share >= 90.0);
+                let bar = format!(">= {LEAST_AHEAD} %");
+                report.check(&line(what), figure, &bar, share >= LEAST_AHEAD);
             } else {
                 report.shown(&line(what), figure);
             }
         }
         if set != "hard" && is_null_arm {
-            let ratios = pairs.iter().filter_map(|(a, b)| Some((*a)?[0] / b[0]));
-            let longest = ratios.clone().fold(0.0, f64::max);
-            let count = ratios.clone().count() as f64;
-            report.at_most(&line("length ÷ the other's, largest"), longest, 1.01);
-            let mean = ratios.sum::<f64>() / count;
-            report.at_most(&line("length ÷ the other's, mean"), mean, 1.0);
+            tell_lengths(report, set, rival, &pairs);
         }
     }
 
@@ -194,5 +195,31 @@ impl Judged {
             "all, > 0",
             recorded > 0.0 && same == recorded && certified == recorded,
         );
+    }
+}
+
+/// The tip lengths of `fast` ÷ a rival's in the cases that both solve.
+fn tell_lengths(
+    report: &mut Report,
+    set: &str,
+    rival: &str,
+    pairs: &[(Option<[f64; 2]>, [f64; 2])],
+) {
+    let ratios = pairs
+        .iter()
+        .filter_map(|(fast, rival)| Some((*fast)?[0] / rival[0]));
+    let ratios: Vec<f64> = ratios.collect();
+    // Not a number without any, which fails.
+    let largest = ratios.iter().copied().fold(f64::NAN, f64::max);
+    let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+    for ((what, ratio), bar) in [("largest", largest), ("mean", mean)]
+        .into_iter()
+        .zip(LENGTH_AT_MOST)
+    {
+        let line = format!(
+            "{set}: tips measured by NumPy, fast beside {rival}: tip length ÷ the other's, {what} of the {} cases that both solve",
+            ratios.len()
+        );
+        report.at_most(&line, ratio, bar);
     }
 }

@@ -114,7 +114,9 @@ fn files(
     for name in scale.pick(&["page"][..], &["page", "compare"]) {
         let made = folder().join(name).join("index.html");
         report.check(
-            "pages that are opened: one that was made before",
+            &format!(
+                "pages that are opened: `{name}`, which group `the page` or `comparison` has made"
+            ),
             text(made.clone()),
             "it is there",
             made.is_file(),

@@ -8,7 +8,7 @@ use crate::compare::figure_name::FigureName;
 use crate::evaluate::{Asked, answer};
 use crate::planner::Loaded;
 use crate::sampler::PlannerName;
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use collision::Ball;
 use datasets::Case;
 use pcc_model::{Configuration, DOF, Point};
@@ -28,7 +28,7 @@ const SCENES: [(usize, &str); 5] = [
 /// The scene whose two motions are shown.
 const TWO_OF: usize = 1;
 const DRAWS: usize = 10;
-/// Cases that are looked through for one with so many balls.
+/// Cases of a set that are looked through for those with so many balls.
 const CASES: usize = 20;
 /// Bodies of a motion.
 const BODIES: usize = 6;
@@ -42,7 +42,7 @@ struct Solved {
     /// Centre and radius, section lengths.
     balls: Vec<[f64; 4]>,
     drawn: usize,
-    /// Cases with so many balls before this one of which fewer than two paths succeed.
+    /// Cases before this one with as many balls and fewer than two solutions.
     passed_over: usize,
     /// Paths that succeed by the paper's criterion, 64 waypoints, rad.
     solutions: Vec<Vec<[f64; DOF]>>,
@@ -53,20 +53,15 @@ impl Solved {
     fn first_of(bench: &Bench, loaded: &Loaded, cases: &[Case]) -> anyhow::Result<Self> {
         let mut solved = None;
         for (passed_over, case) in cases.iter().enumerate() {
-            let this = Self::of(bench, loaded, case)?;
-            let has_several = this.solutions.len() > 1;
-            solved = Some(Self {
-                passed_over,
-                ..this
-            });
-            if has_several {
+            let this = solved.insert(Self::of(bench, loaded, case, passed_over)?);
+            if this.solutions.len() > 1 {
                 break;
             }
         }
-        solved.context("no case has so many balls")
+        solved.context("no cases")
     }
 
-    fn of(bench: &Bench, loaded: &Loaded, case: &Case) -> anyhow::Result<Self> {
+    fn of(bench: &Bench, loaded: &Loaded, case: &Case, passed_over: usize) -> anyhow::Result<Self> {
         let asked = Asked {
             planner: PlannerName::Diffusion,
             candidates: DRAWS,
@@ -92,7 +87,7 @@ impl Solved {
                 .map(|it| [it.centre.x, it.centre.y, it.centre.z, it.radius])
                 .collect(),
             drawn: DRAWS,
-            passed_over: 0,
+            passed_over,
             solutions: drawn
                 .filter(succeeds)
                 .map(|path| path.iter().map(|it| (*it).into()).collect())
@@ -145,7 +140,7 @@ impl Solved {
         let (found, balls) = (self.solutions.len(), self.balls.len());
         let passed_over = match self.passed_over {
             0 => String::new(),
-            count => format!(", after {count} without two"),
+            count => format!(" ({count} before it with fewer than two are passed over)"),
         };
         let caption = format!(
             "{balls} balls: {found} of {} paths succeed{passed_over}; start in grey",
@@ -226,7 +221,9 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     let cases = cases.collect::<anyhow::Result<Vec<Vec<Case>>>>()?;
     let settings = json!({ "draws": DRAWS, "cases_hash": hash_of(&cases.concat()) });
     let solved: Vec<Solved> = bench.keep("solutions", &loaded.records, &settings, || {
-        let solved = cases.iter().map(|of| Solved::first_of(bench, &loaded, of));
+        let solved = cases
+            .iter()
+            .map(|cases| Solved::first_of(bench, &loaded, cases));
         solved.collect()
     })?;
     let mut pictures = Vec::new();
@@ -250,8 +247,8 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         title: "Several solutions among none to four balls",
         pictures,
         caption: format!(
-            "{DRAWS} paths each of <code>diffusion</code> (50 DDIM steps, no guidance) for the first unseen case with so many balls of which two succeed: reference cases, and a \
-             general one for three balls, which the model was not trained with. Drawn are the paths that succeed by the paper's criterion: the body at their end, and the \
+            "{DRAWS} paths each of <code>diffusion</code> (50 DDIM steps, no guidance) for the first unseen case with so many balls for which at least two of them succeed \
+             (the last one where there is none): reference cases, and a general one for three balls, which the model was not trained with. Drawn are the paths that succeed by the paper's criterion: the body at their end, and the \
              tip's way from the diamond to the star. Below, the two solutions with one ball whose ends are farthest apart, as bodies and as curves of their \
              six components."
         ),
@@ -259,15 +256,18 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     })
 }
 
-/// The cases with so many balls.
+/// The cases with so many balls among the first [`CASES`] of their set, at least one.
 fn cases_of(bench: &Bench, balls: usize) -> anyhow::Result<Vec<Case>> {
     let set = if balls == 3 {
         CaseSet::GENERAL
     } else {
         CaseSet::REFERENCE
     };
-    let cases = bench.cases(&set, CASES)?.into_iter();
-    Ok(cases
-        .filter(|case| case.scene.balls().len() == balls)
-        .collect())
+    let mut cases = bench.cases(&set, CASES)?;
+    cases.retain(|case| case.scene.balls().len() == balls);
+    ensure!(
+        !cases.is_empty(),
+        "none of the first {CASES} cases of {set} has {balls} balls"
+    );
+    Ok(cases)
 }
