@@ -10,7 +10,7 @@
 use crate::optimize::corner_precompensation::precompensated;
 use crate::optimize::tip_tracker::{TipDemand, TipTracker};
 use crate::path::smoothing_spline::Smoother;
-use crate::path::waypoints::{WAYPOINTS, WaypointArray, Waypoints, parameter};
+use crate::path::waypoints::{WAYPOINTS, WaypointArray, Waypoints, parameter, straight_path};
 use collision::Scene;
 use nalgebra::SymmetricEigen;
 use pcc_model::{Backbone, Configuration, Point, SECTIONS, TendonLimits, UnitRobot};
@@ -21,8 +21,8 @@ use std::iter::once;
 const STRENGTHS: [f64; 4] = [1e5, 1e4, 1e3, 1e2];
 /// Shares of the straight segment's tip path in the curve of a path that needs no correction, in the order in which they are tried.
 const SHARES: [f64; 3] = [0.0, 0.5, 0.8];
-/// Largest share of the straight segment's tip path that is tried first beside a corrected path: up to 0.8 as few paths are smoother as with
-/// fixed shares (docs/evaluation-history.md "Tip paths").
+/// Largest share of the straight segment's tip path that is tried first beside a corrected path: with larger ones no more paths are smooth
+/// than with fixed shares (docs/evaluation-history.md "Tip paths").
 const LARGEST_FIRST_SHARE: f64 = 0.5;
 /// Step between the shares that are tried after that one.
 const SHARE_STEP: f64 = 0.07;
@@ -107,7 +107,7 @@ impl TipPaths {
             loose: None,
             keeps_limits: false,
         };
-        let segment: WaypointArray = std::array::from_fn(|h| ends[0].lerp(&ends[1], parameter(h)));
+        let segment = straight_path(&ends[0], &ends[1]);
         let tips_of = |path: &[Configuration]| std::array::from_fn(|h| robot.tip(&path[h]));
         let (tips, segment_tips): (Tips, Tips) = (tips_of(path), tips_of(&segment));
         let track = |curve: &Tips, share: f64| {
@@ -297,7 +297,6 @@ fn compressed(robot: &UnitRobot, configuration: &Configuration) -> Configuration
 mod tests {
     use super::*;
     use crate::fixtures::unit_robot;
-    use crate::path::waypoints::straight_path;
     use collision::Ball;
 
     fn straighten(robot: &UnitRobot, path: &mut [Configuration]) -> bool {
