@@ -30,8 +30,26 @@ pub enum Anytime {
 
 impl Anytime {
     /// One attempt: the corners of certified edges (radians) along which the shortest tip path that was found in time leads; none where none was.
+    ///
+    /// It takes 50 ms, or none where no goal configuration is found. Its parallel parts go to the pool of the thread, which is to have no other work
+    /// meanwhile.
     pub fn attempt(self, query: &Query, rng: &mut Pcg64) -> Option<Vec<Configuration>> {
         let begun = Instant::now();
+        let parts = MARGINS.len() as u32;
+        self.search(query, rng, &|part, has_path| {
+            let part = if has_path { parts } else { part };
+            begun.elapsed() >= BUDGET * part / parts
+        })
+    }
+
+    /// One attempt until its time is over. The first argument of `is_over` is the number of the margin that is tried, from 1; the second is whether
+    /// it has led to a path.
+    fn search(
+        self,
+        query: &Query,
+        rng: &mut Pcg64,
+        is_over: &dyn Fn(u32, bool) -> bool,
+    ) -> Option<Vec<Configuration>> {
         let parts = (1..).zip(MARGINS);
         let mut paths = parts.map(|(part, margin)| {
             let robot = query.robot.with_tube_padding(&[margin; SECTIONS]);
@@ -39,8 +57,8 @@ impl Anytime {
                 robot: &robot,
                 ..*query
             };
-            let until_first = begun + BUDGET * part / MARGINS.len() as u32;
-            let attempt = Attempt::new(&query, [until_first, begun + BUDGET], rng)?;
+            let is_over = |has_path| is_over(part, has_path);
+            let attempt = Attempt::new(&query, &is_over, rng)?;
             match self {
                 Self::RrtStar => rrt_star::path(&attempt, rng),
                 Self::BitStar => bit_star::path(attempt, rng),
@@ -56,7 +74,24 @@ mod tests {
     use crate::fixtures::unit_robot;
     use collision::{Scene, certify_edge};
     use datasets::scenes::reference_layout;
+    use pcc_model::UnitRobot;
+    use std::cell::Cell;
 
+    /// Looks at the clock after which a test's attempt is over.
+    const LOOKS: usize = 4000;
+
+    /// A path by as much work on every machine.
+    fn found(planner: Anytime, query: &Query, seed: u128) -> Vec<Configuration> {
+        let looks = Cell::new(0);
+        let is_over = |part: u32, has_path: bool| {
+            looks.set(looks.get() + 1);
+            let parts = MARGINS.len();
+            let part = if has_path { parts } else { part as usize };
+            looks.get() > LOOKS * part / parts
+        };
+        let path = planner.search(query, &mut Pcg64::new(seed, 1), &is_over);
+        path.unwrap()
+    }
     #[test]
     fn paths_lead_along_certified_edges_to_the_target() {
         let robot = unit_robot();
@@ -72,7 +107,7 @@ mod tests {
         let scene = Scene::new(balls.clone()).unwrap();
         for planner in [Anytime::RrtStar, Anytime::BitStar] {
             for seed in 0..3 {
-                let path = planner.attempt(&query, &mut Pcg64::new(seed, 1)).unwrap();
+                let path = found(planner, &query, seed);
                 assert_eq!(path[0], start);
                 let end = robot.tip(&path[path.len() - 1]);
                 assert!((end - query.target).norm() < 1e-3, "{end}");
@@ -83,23 +118,35 @@ mod tests {
         }
     }
 
-    #[test]
-    fn the_time_is_used_and_the_tip_path_becomes_shorter_in_it() {
-        let robot = unit_robot();
-        let start = Configuration::from([-0.5, 0.2, -0.3, -0.1, -0.2, 0.3]);
+    /// A query without balls.
+    fn free_query(robot: &UnitRobot) -> Query<'_> {
         let bent = Configuration::from([0.5, -0.2, 0.3, 0.1, 0.2, -0.3]);
-        let query = Query {
-            robot: &robot,
+        Query {
+            robot,
             balls: &[],
-            start,
+            start: Configuration::from([-0.5, 0.2, -0.3, -0.1, -0.2, 0.3]),
             target: robot.tip(&bent),
-        };
+        }
+    }
+
+    #[test]
+    fn an_attempt_takes_its_time() {
+        let robot = unit_robot();
         for planner in [Anytime::RrtStar, Anytime::BitStar] {
             let begun = Instant::now();
-            let path = planner.attempt(&query, &mut Pcg64::new(1, 1)).unwrap();
+            planner.attempt(&free_query(&robot), &mut Pcg64::new(1, 1));
             assert!(begun.elapsed() >= BUDGET);
-            let until = [Instant::now(); 2];
-            let attempt = Attempt::new(&query, until, &mut Pcg64::new(1, 1)).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_path_becomes_shorter_than_the_direct_one() {
+        let robot = unit_robot();
+        let query = free_query(&robot);
+        let start = query.start;
+        for planner in [Anytime::RrtStar, Anytime::BitStar] {
+            let path = found(planner, &query, 1);
+            let attempt = Attempt::new(&query, &|_| true, &mut Pcg64::new(1, 1)).unwrap();
             let edges = path.windows(2).map(|w| attempt.tip_length(&w[0], &w[1]));
             let direct = attempt.goals.iter();
             let direct = direct.map(|goal| attempt.tip_length(&start, goal));

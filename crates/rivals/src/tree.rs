@@ -65,39 +65,50 @@ pub(crate) fn grow(
     growth: Growth,
     rng: &mut Pcg64,
 ) -> Option<Waypoints> {
-    let root = Node {
-        configuration: query.start,
-        tip: query.robot.tip(&query.start),
-        parent: None,
-    };
-    let mut tree = Tree {
-        query,
-        place,
-        space,
-        nodes: vec![root],
-    };
-    for _ in 0..ITERATIONS {
-        let sample = tree.sample(rng);
-        let Some(node) = tree.extension(&sample) else {
-            continue;
-        };
-        let node = match growth {
-            Growth::First => node,
-            Growth::Shortest => tree.with_best_parent(node),
-        };
-        tree.nodes.push(node);
-        match growth {
-            Growth::First if tree.is_in_goal(&node) => break,
-            Growth::First => {}
-            Growth::Shortest => tree.rewire_to_last(),
-        }
-    }
+    let tree = Tree::grown(query, place, space, growth, rng);
     let in_goal = (0..tree.nodes.len()).filter(|&i| tree.is_in_goal(&tree.nodes[i]));
     let nearest = in_goal.min_by(|&a, &b| tree.tip_length(a).total_cmp(&tree.tip_length(b)))?;
     Some(equally_spaced(query.robot, &tree.path_to(nearest)))
 }
 
-impl Tree<'_> {
+impl<'a> Tree<'a> {
+    fn grown(
+        query: &'a Query<'a>,
+        place: &'a Surroundings<'a>,
+        space: Space,
+        growth: Growth,
+        rng: &mut Pcg64,
+    ) -> Self {
+        let root = Node {
+            configuration: query.start,
+            tip: query.robot.tip(&query.start),
+            parent: None,
+        };
+        let mut tree = Self {
+            query,
+            place,
+            space,
+            nodes: vec![root],
+        };
+        for _ in 0..ITERATIONS {
+            let sample = tree.sample(rng);
+            let Some(node) = tree.extension(&sample) else {
+                continue;
+            };
+            let node = match growth {
+                Growth::First => node,
+                Growth::Shortest => tree.with_best_parent(node),
+            };
+            tree.nodes.push(node);
+            match growth {
+                Growth::First if tree.is_in_goal(&node) => break,
+                Growth::First => {}
+                Growth::Shortest => tree.rewire_to_last(),
+            }
+        }
+        tree
+    }
+
     fn sample(&self, rng: &mut Pcg64) -> Sample {
         let is_goal = rng.random::<f64>() < GOAL_BIAS;
         match self.space {
@@ -225,7 +236,7 @@ mod tests {
 
     /// Trees of both kinds from the same samples among two balls: the edges that they may have, and shorter tip paths by rewiring.
     #[test]
-    fn edges_are_short_nodes_clear_and_rewired_paths_no_longer() {
+    fn edges_are_short_nodes_clear_and_rewired_paths_shorter() {
         let robot = unit_robot();
         let balls = reference_layout(2);
         let start = Configuration::zeros();
@@ -240,8 +251,13 @@ mod tests {
         let (mut found, mut lengths) = ([0; 2], [0.0; 2]);
         for seed in 0..20 {
             for (i, growth) in [Growth::First, Growth::Shortest].into_iter().enumerate() {
-                let mut rng = Pcg64::new(seed, 1);
-                let Some(path) = grow(&query, &place, Space::Tip, growth, &mut rng) else {
+                let rng = || Pcg64::new(seed, 1);
+                let tree = Tree::grown(&query, &place, Space::Tip, growth, &mut rng());
+                assert!(tree.nodes.iter().all(|node| {
+                    let is_joined = |parent: usize| joins(&tree.nodes[parent], node);
+                    place.clearance(&node.configuration) >= 0.0 && node.parent.is_none_or(is_joined)
+                }));
+                let Some(path) = grow(&query, &place, Space::Tip, growth, &mut rng()) else {
                     continue;
                 };
                 let tips = robot.tips(&path);

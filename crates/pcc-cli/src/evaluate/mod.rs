@@ -13,7 +13,8 @@ pub(crate) use summary::machine;
 use crate::output_files::{make_writable, write_whole};
 use crate::planner::{Loaded, load};
 use crate::robot::unit_robot;
-use crate::sampler::PlannerName;
+use crate::sampler::{PlannerName, name_of};
+use anyhow::ensure;
 use datasets::Case;
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::{Configuration, SECTIONS};
@@ -22,7 +23,13 @@ use planning::{
 };
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use rivals::Query;
+use std::iter;
+use std::num::NonZero;
+use std::panic::resume_unwind;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 use std::time::Instant;
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
@@ -112,7 +119,15 @@ pub(crate) fn answer(
     let clock = Instant::now();
     let is_drawn_here = given.is_none() && asked.planner.sampler().is_none();
     let given = given.map(Given::Paths);
-    let given = given.or_else(|| draw(asked.planner, planner, &case, &request));
+    let given = match given {
+        Some(given) => Some(given),
+        None => draw(asked.planner, planner, &case, &request)?,
+    };
+    ensure!(
+        given.is_some() || asked.planner.sampler().is_some(),
+        "{} draws no paths: they must be given",
+        name_of(&asked.planner)
+    );
     let drawing_s = clock.elapsed().as_secs_f64();
     let judges_what_is_drawn = is_drawn_here && matches!(given, Some(Given::Paths(_)));
     let answered = match given {
@@ -154,7 +169,12 @@ enum Given {
 }
 
 /// What as many attempts of a rival as there are candidates come to; nothing where the planner is none.
-fn draw(name: PlannerName, planner: &Planner, case: &Case, request: &Request) -> Option<Given> {
+fn draw(
+    name: PlannerName,
+    planner: &Planner,
+    case: &Case,
+    request: &Request,
+) -> anyhow::Result<Option<Given>> {
     let query = Query {
         robot: planner.robot(),
         balls: case.scene.balls(),
@@ -162,16 +182,50 @@ fn draw(name: PlannerName, planner: &Planner, case: &Case, request: &Request) ->
         target: case.target_tip,
     };
     let rng = |index| Pcg64::new(u128::from(request.seed), index as u128);
-    let indices = (0..request.candidates).into_par_iter();
-    planner.install(|| match (name.rival(), name.anytime()) {
+    match (name.rival(), name.anytime()) {
         (Some(rival), _) => {
+            let indices = (0..request.candidates).into_par_iter();
             let attempt = |index| rival.attempt(&query, &mut rng(index));
-            Some(Given::Paths(indices.filter_map(attempt).collect()))
+            let paths = planner.install(|| indices.filter_map(attempt).collect());
+            Ok(Some(Given::Paths(paths)))
         }
         (None, Some(anytime)) => {
             let attempt = |index| anytime.attempt(&query, &mut rng(index));
-            Some(Given::Polylines(indices.filter_map(attempt).collect()))
+            let threads = planner.install(rayon::current_num_threads);
+            let polylines = on_own_threads(threads, request.candidates, attempt)?;
+            Ok(Some(Given::Polylines(polylines)))
         }
-        (None, None) => None,
-    })
+        (None, None) => Ok(None),
+    }
+}
+
+/// What attempts by the clock come to, each in a pool of one worker: one of several would be given another attempt while it waits for its
+/// fellows. No more at once than there are processors.
+fn on_own_threads<T: Send>(
+    threads: usize,
+    count: usize,
+    attempt: impl Fn(usize) -> Option<T> + Sync,
+) -> anyhow::Result<Vec<T>> {
+    let processors = thread::available_parallelism().map_or(1, NonZero::get);
+    let next = AtomicUsize::new(0);
+    let work = || -> Vec<(usize, T)> {
+        let indices = iter::repeat_with(|| next.fetch_add(1, Ordering::Relaxed));
+        let indices = indices.take_while(|index| *index < count);
+        indices
+            .filter_map(|index| Some((index, attempt(index)?)))
+            .collect()
+    };
+    let pools =
+        (0..threads.min(processors)).map(|_| ThreadPoolBuilder::new().num_threads(1).build());
+    let pools: Vec<ThreadPool> = pools.collect::<Result<_, _>>()?;
+    let mut found = thread::scope(|scope| {
+        let workers = pools.iter().map(|pool| scope.spawn(|| pool.install(work)));
+        let workers: Vec<_> = workers.collect();
+        let done = workers
+            .into_iter()
+            .map(|it| it.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        done.flatten().collect::<Vec<_>>()
+    });
+    found.sort_by_key(|it| it.0);
+    Ok(found.into_iter().map(|it| it.1).collect())
 }

@@ -8,7 +8,6 @@ use pcc_model::{Configuration, Point};
 use planning::{Goal, MovingObstacles, Problem, goal_configurations, random_configuration};
 use rand::RngExt;
 use rand_pcg::Pcg64;
-use std::time::Instant;
 
 /// Goal configurations that an attempt is towards.
 const GOALS: usize = 10;
@@ -22,13 +21,17 @@ pub(super) struct Attempt<'a> {
     pub(super) query: &'a Query<'a>,
     scene: Scene,
     pub(super) goals: Vec<Configuration>,
-    /// While it has no path, and once it has one.
-    until: [Instant; 2],
+    /// Whether its time is over, while it has no path or once it has one.
+    is_over: &'a dyn Fn(bool) -> bool,
 }
 
 impl<'a> Attempt<'a> {
     /// None where no configuration with the tip on the target is found clear.
-    pub(super) fn new(query: &'a Query, until: [Instant; 2], rng: &mut Pcg64) -> Option<Self> {
+    pub(super) fn new(
+        query: &'a Query,
+        is_over: &'a dyn Fn(bool) -> bool,
+        rng: &mut Pcg64,
+    ) -> Option<Self> {
         let scene = Scene::new(query.balls.to_vec()).ok()?;
         let problem = Problem {
             start: query.start,
@@ -41,13 +44,13 @@ impl<'a> Attempt<'a> {
             query,
             scene,
             goals,
-            until,
+            is_over,
         })
     }
 
     /// Whether its time is over, where the shortest tip path that is known has this length, section lengths; infinite where none is.
     pub(super) fn is_over(&self, shortest: f64) -> bool {
-        Instant::now() >= self.until[usize::from(shortest.is_finite())]
+        (self.is_over)(shortest.is_finite())
     }
 
     pub(super) fn edge_is_free(&self, a: &Configuration, b: &Configuration) -> bool {
@@ -100,9 +103,13 @@ pub(super) fn neighbours(count: usize) -> usize {
 }
 
 /// The places of the nearest of some configurations, nearest first.
-pub(super) fn nearest(of: &Configuration, among: &[Configuration], count: usize) -> Vec<usize> {
+pub(super) fn nearest<'a>(
+    of: &Configuration,
+    among: impl Iterator<Item = (usize, &'a Configuration)>,
+    count: usize,
+) -> Vec<usize> {
     let square = |(i, other): (usize, &Configuration)| ((other - of).norm_squared(), i);
-    let mut squares: Vec<(f64, usize)> = among.iter().enumerate().map(square).collect();
+    let mut squares: Vec<(f64, usize)> = among.map(square).collect();
     let count = count.min(squares.len());
     if count == 0 {
         return Vec::new();
@@ -122,10 +129,11 @@ mod tests {
         let line: Vec<_> = (0..9)
             .map(|i| Configuration::repeat(f64::from((7 * i) % 9)))
             .collect();
-        let found = nearest(&Configuration::repeat(3.1), &line, 3);
+        let all = || line.iter().enumerate();
+        let found = nearest(&Configuration::repeat(3.1), all(), 3);
         let values: Vec<f64> = found.iter().map(|i| line[*i][0]).collect();
         assert_eq!(values, [3.0, 4.0, 2.0]);
-        assert_eq!(nearest(&Configuration::zeros(), &line, 20).len(), 9);
-        assert!(nearest(&Configuration::zeros(), &[], 2).is_empty());
+        assert_eq!(nearest(&Configuration::zeros(), all(), 20).len(), 9);
+        assert!(nearest(&Configuration::zeros(), all().take(0), 2).is_empty());
     }
 }

@@ -5,7 +5,7 @@ use super::tree::Tree;
 use pcc_model::{Configuration, Point};
 use rand_pcg::Pcg64;
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, HashSet};
 
 /// Samples of a batch.
 const BATCH: usize = 100;
@@ -51,6 +51,10 @@ struct BitStar<'a> {
     tips: Vec<Point>,
     /// The node of the tree that a sample has become.
     node_of: Vec<Option<usize>>,
+    /// The samples through which a path may be shorter than the shortest one known.
+    useful: Vec<usize>,
+    /// Edges that are not free, from nodes to samples.
+    refused: HashSet<(usize, usize)>,
     /// The tip positions of the tree's nodes.
     node_tips: Vec<Point>,
     nodes: BinaryHeap<Waiting<usize>>,
@@ -64,6 +68,8 @@ pub(super) fn path(attempt: Attempt, rng: &mut Pcg64) -> Option<Vec<Configuratio
         samples: Vec::new(),
         tips: Vec::new(),
         node_of: Vec::new(),
+        useful: Vec::new(),
+        refused: HashSet::new(),
         node_tips: vec![attempt.tip(&attempt.query.start)],
         nodes: BinaryHeap::new(),
         edges: BinaryHeap::new(),
@@ -84,6 +90,7 @@ pub(super) fn path(attempt: Attempt, rng: &mut Pcg64) -> Option<Vec<Configuratio
 impl BitStar<'_> {
     fn add(&mut self, sample: Configuration) {
         self.tips.push(self.attempt.tip(&sample));
+        self.useful.push(self.samples.len());
         self.samples.push(sample);
         self.node_of.push(None);
     }
@@ -98,9 +105,13 @@ impl BitStar<'_> {
         self.tree.shortest(self.goal_nodes())
     }
 
-    /// Draws more samples that may lie on a shorter path, and lets every node of the tree look at its neighbours.
+    /// Leaves samples out that can be on no shorter path, draws more that may, and lets every node of the tree look at its neighbours.
     fn begin_batch(&mut self, rng: &mut Pcg64) {
         let shortest = self.shortest();
+        let start = self.node_tips[0];
+        let least = |tip: &Point| (tip - start).norm() + self.attempt.least_to_go(tip);
+        self.useful
+            .retain(|sample| least(&self.tips[*sample]) < shortest);
         for _ in 0..BATCH {
             if self.attempt.is_over(shortest) {
                 break;
@@ -139,12 +150,14 @@ impl BitStar<'_> {
     /// Puts the edges from a node to its neighbours that may lead to a shorter path into the queue.
     fn look_around(&mut self, node: usize) {
         let (shortest, cost) = (self.shortest(), self.tree.cost(node));
-        let count = neighbours(self.samples.len());
-        for to in nearest(&self.tree.nodes[node], &self.samples, count) {
+        let useful = self.useful.iter().map(|&it| (it, &self.samples[it]));
+        let count = neighbours(self.useful.len());
+        for to in nearest(&self.tree.nodes[node], useful, count) {
             let step = (self.tips[to] - self.node_tips[node]).norm();
             let least = cost + step + self.attempt.least_to_go(&self.tips[to]);
             let is_shorter = |other: usize| cost + step < self.tree.cost(other);
-            if least < shortest && self.node_of[to].is_none_or(is_shorter) {
+            let may_help = least < shortest && self.node_of[to].is_none_or(is_shorter);
+            if may_help && !self.refused.contains(&(node, to)) {
                 let what = Edge { from: node, to };
                 self.edges.push(Waiting { least, what });
             }
@@ -163,7 +176,11 @@ impl BitStar<'_> {
         let cost = self.tree.cost(from) + edge;
         let is_better = cost + self.attempt.least_to_go(&self.tips[to]) < self.shortest()
             && known(self).is_none_or(|known| cost < known);
-        if !is_better || !self.attempt.edge_is_free(&a, &b) {
+        if !is_better {
+            return;
+        }
+        if !self.attempt.edge_is_free(&a, &b) {
+            self.refused.insert((from, to));
             return;
         }
         match self.node_of[to] {

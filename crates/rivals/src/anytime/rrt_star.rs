@@ -36,13 +36,14 @@ pub(super) fn path(attempt: &Attempt, rng: &mut Pcg64) -> Option<Vec<Configurati
 
 /// Adds a node towards a sample behind the parent of the shortest tip path, and puts its neighbours behind it where theirs become shorter.
 fn grow(attempt: &Attempt, tree: &mut Tree, sample: &Configuration) -> Option<usize> {
-    let from = tree.nodes[*nearest(sample, &tree.nodes, 1).first()?];
+    let nodes = || tree.nodes.iter().enumerate();
+    let from = tree.nodes[*nearest(sample, nodes(), 1).first()?];
     let way = sample - from;
     let node = match way.norm() {
         length if length <= LONGEST_EDGE => *sample,
         length => from + way * (LONGEST_EDGE / length),
     };
-    let near = nearest(&node, &tree.nodes, neighbours(tree.nodes.len()));
+    let near = nearest(&node, nodes(), neighbours(tree.nodes.len()));
     let mut parents: Vec<(f64, f64, usize)> = near
         .iter()
         .map(|&i| {
