@@ -65,6 +65,15 @@ impl ModelArguments {
         }
     }
 
+    /// How the diffusion planners sample, in words.
+    pub(crate) fn sampling(&self) -> String {
+        let solver = match self.solver.unwrap_or(Solver::Ddim) {
+            Solver::Ddim => "DDIM",
+            Solver::DpmSolver => "DPM-Solver++",
+        };
+        format!("{} {solver} steps", self.steps.unwrap_or(STEPS))
+    }
+
     /// Name of the diffusion planners' weights.
     pub(crate) fn diffusion_weights(&self) -> &str {
         self.model.as_deref().unwrap_or(DIFFUSION_WEIGHTS)

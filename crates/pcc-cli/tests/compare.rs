@@ -98,3 +98,49 @@ fn figures_do_not_go_with_sets_or_planners() {
         assert!(!output.status.success() && said(&output).contains(option));
     }
 }
+
+#[test]
+fn what_does_not_go_together_is_refused_with_its_reason() {
+    let folder = empty_folder("compare-refused");
+    let robot = repository("config/robots/unit.toml");
+    let sample = repository("tests/data/reference-mixed-sample");
+    let twice = format!("{sample},{sample}");
+    for (options, reason) in [
+        (["--planners", "fast,apf,fast"], "--planners has fast twice"),
+        (["--planners", "fast,proposed"], "--planners has proposed"),
+        (
+            ["--planners", "apf"],
+            "--against fast is none of the planners that are compared: apf",
+        ),
+        (
+            ["--figures", "network,steps,network"],
+            "--figures has network twice",
+        ),
+        (
+            ["--sets", &twice],
+            "--sets has reference-mixed-sample twice",
+        ),
+    ] {
+        let output = compare(&folder, &robot, &options);
+        assert!(
+            !output.status.success() && said(&output).contains(reason),
+            "{}",
+            said(&output)
+        );
+    }
+}
+
+#[test]
+fn one_run_at_a_time_writes_to_a_folder() {
+    let out = empty_folder("compare-alone");
+    let robot = repository("config/robots/unit.toml");
+    let held = fs::File::open(&out).unwrap();
+    held.lock().unwrap();
+    let output = compare(&out, &robot, &["--figures", "network"]);
+    assert!(!output.status.success());
+    assert!(
+        said(&output).contains("another pcc compare writes to"),
+        "{}",
+        said(&output)
+    );
+}

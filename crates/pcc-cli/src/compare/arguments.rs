@@ -1,17 +1,20 @@
 //! The arguments of `pcc compare`.
 
-use super::case_sets::CaseSet;
+use super::case_sets::{CaseSet, file_name};
 use super::figure_name::FigureName;
 use crate::number;
 use crate::planner::ModelArguments;
-use crate::sampler::PlannerName;
+use crate::sampler::{PlannerName, name_of};
+use anyhow::{bail, ensure};
 use clap::{Args, ValueEnum};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// Cases of each set, without and with `--quick`.
 const CASES: [usize; 2] = [250, 20];
-/// Minutes that the whole page took on two cores, without and with `--quick`.
-const MINUTES: [u32; 2] = [18, 3];
+const MOST_CASES: usize = 1_000_000;
+/// Minutes that the whole page took on two cores of several machines, without and with `--quick`.
+const MINUTES: [&str; 2] = ["18 to 23", "3"];
 
 /// Arguments of `pcc compare`.
 #[derive(Args)]
@@ -26,8 +29,8 @@ pub(crate) struct Arguments {
     /// Figures of the page, separated by commas, and nothing but these; without it, --planners and --sets all of them.
     #[arg(long, value_enum, value_delimiter = ',', conflicts_with_all = ["planners", "sets"])]
     figures: Vec<FigureName>,
-    /// Cases of each set, at least 2; without it 250, with --quick 20.
-    #[arg(long, value_parser = number::whole(2, usize::MAX))]
+    /// Cases of each set (2 to 1000000); without it 250, with --quick 20.
+    #[arg(long, value_parser = number::whole(2, MOST_CASES))]
     cases: Option<usize>,
     /// The whole page at a reduced size.
     #[arg(long)]
@@ -38,7 +41,7 @@ pub(crate) struct Arguments {
     /// Seed (0 to 2^64 - 1); case i is planned with seed + i (modulo 2^64).
     #[arg(long, default_value_t = 0, value_parser = number::any())]
     pub(super) seed: u64,
-    /// Planner that the others are paired with, case by case.
+    /// Planner that the others are paired with, case by case: one of those that are compared.
     #[arg(long, value_enum, default_value = "fast")]
     pub(super) against: PlannerName,
     /// Worker threads of the planners, at most 256 (0: one a core).
@@ -56,6 +59,35 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
+    /// Refuses options that are each allowed, but not together.
+    pub(super) fn check(&self) -> anyhow::Result<()> {
+        let planners: Vec<String> = self.planners().iter().map(name_of).collect();
+        let sets = self.sets();
+        let files = sets.iter().map(|set| file_name(&set.to_string()));
+        let files: Vec<String> = files.collect();
+        let figures: Vec<String> = self.figures.iter().map(name_of).collect();
+        for (option, names) in [
+            ("--planners", &planners),
+            ("--sets", &files),
+            ("--figures", &figures),
+        ] {
+            if let Some(name) = named_twice(names) {
+                bail!("{option} has {name} twice: each name may be there once");
+            }
+        }
+        let proposed = name_of(&PlannerName::Proposed);
+        ensure!(
+            !planners.contains(&proposed),
+            "--planners has {proposed}, whose paths are another program's: pcc evaluate takes them"
+        );
+        let (against, planners) = (name_of(&self.against), planners.join(", "));
+        ensure!(
+            self.planners().contains(&self.against),
+            "--against {against} is none of the planners that are compared: {planners}"
+        );
+        Ok(())
+    }
+
     pub(super) fn planners(&self) -> Vec<PlannerName> {
         let all = PlannerName::value_variants().iter().copied();
         match self.planners.is_empty() {
@@ -85,7 +117,7 @@ impl Arguments {
     }
 
     /// Minutes that the whole page takes on two cores; none of another number of cases.
-    pub(super) fn expected_minutes(&self) -> Option<u32> {
+    pub(super) fn expected_minutes(&self) -> Option<&'static str> {
         let is_usual = self.is_whole_page() && self.cases.is_none();
         is_usual.then_some(MINUTES[usize::from(self.quick)])
     }
@@ -93,4 +125,9 @@ impl Arguments {
     pub(super) fn cases(&self) -> usize {
         self.cases.unwrap_or(CASES[usize::from(self.quick)])
     }
+}
+
+fn named_twice(names: &[String]) -> Option<&String> {
+    let mut seen = BTreeSet::new();
+    names.iter().find(|name| !seen.insert(*name))
 }

@@ -2,7 +2,7 @@
 
 use super::subject::check;
 use crate::evaluate::Answer;
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use pcc_model::{Configuration, UnitRobot};
 use planning::{Candidate, SampledVerdict, Source, Stage, modes};
 use serde::{Deserialize, Serialize};
@@ -15,6 +15,8 @@ use std::path::Path;
 pub(super) struct CaseRecord {
     /// Number of the case in its set.
     pub(super) case: usize,
+    /// Index of the case's target; cases of one target have target and scene in common.
+    pub(super) target: i32,
     pub(super) balls: usize,
     /// Where the times were measured: processor and number of cores.
     pub(super) machine: String,
@@ -24,8 +26,8 @@ pub(super) struct CaseRecord {
     pub(super) drawing_s: f64,
     /// Candidates asked for.
     pub(super) asked: usize,
-    /// Time of the sampler alone, s; 0 where the request was refused.
-    pub(super) sampling_s: f64,
+    /// Time of the sampler alone, s; none where the request was refused.
+    pub(super) sampling_s: Option<f64>,
     /// The paths that were drawn, as the paper's criterion judges them.
     pub(super) drawn: Vec<DrawnRecord>,
     /// Candidates that succeed by the paper's criterion as they were drawn.
@@ -88,12 +90,13 @@ impl CaseRecord {
         let ends: Vec<Configuration> = certified.iter().map(|it| it.end()).collect();
         Self {
             case,
+            target: answer.case.target_index,
             balls: answer.case.scene.balls().len(),
             machine: machine.to_owned(),
             seconds: answer.seconds,
             drawing_s: answer.drawing_s,
             asked,
-            sampling_s: plan.map_or(0.0, |plan| plan.stages[Stage::Sample]),
+            sampling_s: plan.map(|plan| plan.stages[Stage::Sample]),
             successes: drawn.iter().filter(|it| it.is_success).count(),
             drawn,
             modes: modes(&ends),
@@ -148,7 +151,7 @@ impl CaseLog {
         };
         let mut lines = text[..whole].lines();
         match lines.next() {
-            None => drop(log.append(settings)?),
+            None => log.append(settings.to_string())?,
             Some(first) => {
                 let found = serde_json::from_str(first).unwrap_or_default();
                 check(file, &found, settings)?;
@@ -156,22 +159,25 @@ impl CaseLog {
         }
         let records = lines.map(serde_json::from_str).collect::<Result<_, _>>();
         log.records = records.with_context(|| format!("{} is damaged", file.display()))?;
+        let is_in_place = |(place, record): (usize, &CaseRecord)| record.case == place;
+        ensure!(
+            log.records.iter().enumerate().all(is_in_place),
+            "{} is damaged: its cases are not in order, each once",
+            file.display()
+        );
         Ok(log)
     }
 
     /// Adds a record, as a comparison that goes on would read it.
     pub(super) fn add(&mut self, record: &CaseRecord) -> anyhow::Result<()> {
-        let line = self.append(record)?;
+        let line = serde_json::to_string(record)?;
         self.records.push(serde_json::from_str(&line)?);
-        Ok(())
+        self.append(line)
     }
 
-    /// Writes a line, and returns it.
-    fn append(&mut self, line: &impl Serialize) -> anyhow::Result<String> {
-        let mut line = serde_json::to_string(line)?;
+    fn append(&mut self, mut line: String) -> anyhow::Result<()> {
         line.push('\n');
-        self.file.write_all(line.as_bytes())?;
-        Ok(line)
+        Ok(self.file.write_all(line.as_bytes())?)
     }
 }
 
@@ -194,12 +200,13 @@ mod tests {
         };
         CaseRecord {
             case,
+            target: 4,
             balls: 2,
             machine: "one, 2 cores".to_owned(),
             seconds: 0.5,
             drawing_s: 0.25,
             asked: 10,
-            sampling_s: 0.125,
+            sampling_s: Some(0.125),
             drawn: vec![drawn],
             successes: 7,
             modes: 3,
@@ -220,8 +227,11 @@ mod tests {
         let mut log = CaseLog::open(&file, &settings).unwrap();
         assert_eq!(log.records, [record(0)]);
         log.add(&record(1)).unwrap();
-        let records = CaseLog::open(&file, &settings).unwrap().records;
-        assert_eq!(records, [record(0), record(1)]);
+        let mut log = CaseLog::open(&file, &settings).unwrap();
+        assert_eq!(log.records, [record(0), record(1)]);
+        log.add(&record(1)).unwrap();
+        let twice = CaseLog::open(&file, &settings).err().unwrap();
+        assert!(twice.to_string().contains("not in order"), "{twice}");
         File::options()
             .write(true)
             .open(&file)

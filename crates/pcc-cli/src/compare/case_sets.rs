@@ -2,12 +2,16 @@
 
 use crate::dataset::{Unseen, generate_unseen};
 use crate::hash_text::hexadecimal;
-use anyhow::{Context, ensure};
+use crate::robot::unit_robot;
+use anyhow::{Context, bail, ensure};
 use datasets::{Case, Dataset, Split};
-use pcc_model::BitHash;
+use pcc_model::{BitHash, UnitRobot};
 use std::fmt::{self, Display};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+
+/// Distance of a tip from its target that is none, section lengths.
+const NO_WAY: f64 = 1e-6;
 
 /// Where cases come from.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,8 +108,21 @@ impl CaseSet {
             folder.display(),
             cases.len()
         );
+        let there = first_there(&cases, &unit_robot(robot)?);
+        if let Some(case) = there {
+            bail!(
+                "case {case} of {} begins with the tip at its target: there is no tip length ÷ distance of it",
+                folder.display()
+            );
+        }
         Ok(cases)
     }
+}
+
+/// The first case whose start has the tip at the target, as near as a data set's numbers of four bytes are.
+fn first_there(cases: &[Case], robot: &UnitRobot) -> Option<usize> {
+    let is_there = |case: &Case| (robot.tip(&case.start) - case.target_tip).norm() <= NO_WAY;
+    cases.iter().position(is_there)
 }
 
 /// A text that is equal for equal cases in the same order.
@@ -144,5 +161,29 @@ impl FromStr for CaseSet {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let set = SETS.iter().find(|set| set.recipe.setting == text);
         Ok(set.map_or_else(|| Self::Folder(text.into()), Self::Generated))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use collision::Scene;
+    use pcc_model::Configuration;
+
+    #[test]
+    fn a_start_at_its_target_is_found() {
+        let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
+        let robot = unit_robot(Path::new(robot)).unwrap();
+        let start = Configuration::from([0.3, -0.2, 0.5, 0.1, -0.4, 0.2]);
+        let case = |end: Configuration| Case {
+            target_index: 0,
+            start_index: 0,
+            start,
+            target_tip: robot.tip(&end).map(|it| f64::from(it as f32)),
+            scene: Scene::default(),
+        };
+        let cases = [case(Configuration::zeros()), case(start)];
+        assert_eq!(first_there(&cases, &robot), Some(1));
+        assert_eq!(first_there(&cases[..1], &robot), None);
     }
 }

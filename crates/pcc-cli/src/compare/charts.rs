@@ -3,6 +3,7 @@
 use super::comparison::{PlannerResult, SetResult};
 use super::drawing::{Area, COLOURS, Drawn, GREY as OTHERS, INK, svg};
 use crate::bootstrap::Interval;
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -47,57 +48,62 @@ pub(super) fn named_rows(
     })
 }
 
-/// Writes a chart's rows, whose horizontal axis is made by `range`.
-macro_rules! draw_rows {
-    ($area:expr, $title:expr, $rows:expr, $range:expr, $label:expr) => {{
-        let count = $rows.len() as f64;
-        let mut chart = ChartBuilder::on($area)
-            .caption($title, ("sans-serif", 16).into_font().color(&INK))
-            .margin_right(20)
-            .x_label_area_size(30)
-            .y_label_area_size(NAMES)
-            .build_cartesian_2d($range, 0.0..count)?;
-        chart
-            .configure_mesh()
-            .disable_y_mesh()
-            .disable_y_axis()
-            .y_labels(0)
-            .x_labels(8)
-            .x_label_formatter(&$label)
-            .label_style(("sans-serif", 14).into_font().color(&INK))
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(OTHERS.mix(0.3))
-            .axis_style(OTHERS)
-            .draw()?;
-        for (index, (name, interval)) in $rows.iter().enumerate() {
-            let y = count - index as f64 - 0.5;
-            let colour = if OWN.contains(name) { OURS } else { OTHERS };
-            let (_, pixel) = chart.backend_coord(&(interval.value.unwrap_or(1.0), y));
-            let style = ("sans-serif", 14).into_font().color(&INK);
-            let anchored = style.pos(Pos::new(HPos::Right, VPos::Center));
-            $area.draw(&Text::new(
-                (*name).to_owned(),
-                (NAMES as i32 - 8, pixel),
-                anchored,
-            ))?;
-            if let (Some(value), Some(low), Some(high)) =
-                (interval.value, interval.low, interval.high)
-            {
-                let line = [(low, y), (high, y)];
-                chart.draw_series([PathElement::new(line, colour.stroke_width(3))])?;
-                chart.draw_series([Circle::new((value, y), 5, colour.filled())])?;
-            }
+/// Draws a chart's rows over a horizontal axis of this range.
+fn draw_rows<X>(
+    area: &Area,
+    title: &str,
+    rows: &[(&str, Interval)],
+    range: X,
+    label: fn(&f64) -> String,
+) -> Drawn
+where
+    X: AsRangedCoord<Value = f64>,
+    X::CoordDescType: ValueFormatter<f64>,
+{
+    let count = rows.len() as f64;
+    let mut chart = ChartBuilder::on(area)
+        .caption(title, ("sans-serif", 16).into_font().color(&INK))
+        .margin_right(20)
+        .x_label_area_size(30)
+        .y_label_area_size(NAMES)
+        .build_cartesian_2d(range, 0.0..count)?;
+    chart
+        .configure_mesh()
+        .disable_y_mesh()
+        .disable_y_axis()
+        .y_labels(0)
+        .x_labels(8)
+        .x_label_formatter(&label)
+        .label_style(("sans-serif", 14).into_font().color(&INK))
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(OTHERS.mix(0.3))
+        .axis_style(OTHERS)
+        .draw()?;
+    for (index, (name, interval)) in rows.iter().enumerate() {
+        let y = count - index as f64 - 0.5;
+        let planner = name.split(' ').next().unwrap_or_default();
+        let colour = if OWN.contains(&planner) { OURS } else { OTHERS };
+        let (_, pixel) = chart.backend_coord(&(interval.value.unwrap_or(1.0), y));
+        let style = ("sans-serif", 14).into_font().color(&INK);
+        let anchored = style.pos(Pos::new(HPos::Right, VPos::Center));
+        let at = (NAMES as i32 - 8, pixel);
+        area.draw(&Text::new((*name).to_owned(), at, anchored))?;
+        if let (Some(low), Some(high)) = (interval.low, interval.high) {
+            let line = [(low, y), (high, y)];
+            chart.draw_series([PathElement::new(line, colour.stroke_width(3))])?;
         }
-        Ok(())
-    }};
+        if let Some(value) = interval.value {
+            chart.draw_series([Circle::new((value, y), 5, colour.filled())])?;
+        }
+    }
+    Ok(())
 }
 
 /// Shares from 0 to 1, written in percent.
 fn linear_rows(area: &Area, title: &str, rows: &[(&str, Interval)]) -> Drawn {
-    draw_rows!(area, title, rows, 0.0..1.0, |share: &f64| format!(
-        "{:.0} %",
-        100.0 * share
-    ))
+    draw_rows(area, title, rows, 0.0..1.0, |share| {
+        format!("{:.0} %", 100.0 * share)
+    })
 }
 
 /// Values on a logarithmic axis.
@@ -111,7 +117,7 @@ fn logarithmic_rows(area: &Area, title: &str, rows: &[(&str, Interval)]) -> Draw
         return linear_rows(area, title, rows);
     }
     let range = (least / 1.25..most * 1.25).log_scale();
-    draw_rows!(area, title, rows, range, |value: &f64| format!("{value}"))
+    draw_rows(area, title, rows, range, |value| format!("{value}"))
 }
 
 /// Shares by number of balls, a line a planner.

@@ -6,7 +6,7 @@ use crate::bootstrap::{Interval, interval};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Figures of a planner over some cases, each with its interval over cases.
+/// Figures of a planner over some cases, each with its interval over targets.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Figures {
     pub(super) cases: usize,
@@ -84,20 +84,21 @@ impl ByBalls {
 }
 
 impl Figures {
-    fn of(records: &[CaseRecord]) -> Self {
+    pub(super) fn of(records: &[CaseRecord]) -> Self {
+        let target = |record: &CaseRecord| record.target;
         let a_case = |figure: fn(&CaseRecord) -> f64| {
-            interval(records, move |records| {
+            interval(records, target, move |records| {
                 mean(records.iter().map(|record| figure(record)))
             })
         };
         let median_of = |figure: fn(&MotionRecord) -> f64| {
-            interval(records, move |records| {
+            interval(records, target, move |records| {
                 let motions = records.iter().flat_map(|record| &record.motions);
                 median(motions.map(figure))
             })
         };
         let seconds_of_one = |seconds: fn(&CaseRecord) -> f64, count: fn(&CaseRecord) -> usize| {
-            interval(records, move |records| {
+            interval(records, target, move |records| {
                 let made: usize = records.iter().map(|record| count(record)).sum();
                 let seconds: f64 = records.iter().map(|record| seconds(record)).sum();
                 (made > 0).then(|| seconds / made as f64)
@@ -108,7 +109,7 @@ impl Figures {
             success: a_case(success),
             certified: a_case(certified),
             answered: a_case(|record| f64::from(u8::from(!record.motions.is_empty()))),
-            request_s: interval(records, |records| {
+            request_s: interval(records, target, |records| {
                 median(records.iter().map(|record| record.seconds))
             }),
             seconds_a_success: seconds_of_one(|record| record.drawing_s, |record| record.successes),
@@ -125,11 +126,12 @@ impl Figures {
 }
 
 impl Paired {
-    /// Two planners' records of the same cases.
+    /// Two planners' records of the same cases in the same order.
     pub(super) fn of(records: &[CaseRecord], others: &[CaseRecord]) -> Self {
         let pairs: Vec<(&CaseRecord, &CaseRecord)> = records.iter().zip(others).collect();
+        let target = |pair: &(&CaseRecord, &CaseRecord)| pair.0.target;
         let ahead = |share: fn(&CaseRecord) -> f64| {
-            interval(&pairs, move |pairs| {
+            interval(&pairs, target, move |pairs| {
                 mean(pairs.iter().map(|(own, other)| share(own) - share(other)))
             })
         };
@@ -138,7 +140,7 @@ impl Paired {
         };
         let both: Vec<_> = pairs.iter().filter(have_both).copied().collect();
         let share = |figure: fn(&MotionRecord) -> f64, is: fn(&f64, &f64) -> bool| {
-            interval(&both, move |pairs| {
+            interval(&both, target, move |pairs| {
                 let medians = pairs.iter().filter_map(|pair| medians(pair, figure));
                 mean(medians.map(|[own, other]| f64::from(u8::from(is(&own, &other)))))
             })
@@ -154,7 +156,7 @@ impl Paired {
             tip_shorter: share(tip_length, f64::lt),
             tip_smoother: share(tip_smoothness, f64::lt),
             faster: share(duration_s, f64::lt),
-            tip_shorter_and_smoother: interval(&both, move |pairs| {
+            tip_shorter_and_smoother: interval(&both, target, move |pairs| {
                 let is_less = |pair: &_, figure| {
                     medians(pair, figure).is_some_and(|[own, other]| own < other)
                 };
@@ -166,7 +168,7 @@ impl Paired {
             tip_longer: share(tip_length, f64::gt),
             tip_rougher: share(tip_smoothness, f64::gt),
             slower: share(duration_s, f64::gt),
-            tip_length_ratio: interval(&both, |pairs| {
+            tip_length_ratio: interval(&both, target, |pairs| {
                 mean(pairs.iter().filter_map(|pair| tip_ratio(pair)))
             }),
             shortest_tip: both.iter().filter_map(tip_ratio).min_by(f64::total_cmp),

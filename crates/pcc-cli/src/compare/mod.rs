@@ -26,15 +26,20 @@ use self::given_options::GivenOptions;
 use self::records::{Answered, SetRecords};
 use crate::output_files::{make_writable, write_whole};
 use crate::sampler::name_of;
+use anyhow::{Context, bail};
+use std::fs::{File, TryLockError};
+use std::path::Path;
 use std::time::Instant;
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let (clock, out) = (Instant::now(), &arguments.out);
+    arguments.check()?;
     let given = GivenOptions::of_this_process(out)?;
     remove_what_killed_runs_left();
     for folder in ["cases", "figures"] {
         make_writable(&out.join(folder))?;
     }
+    let _alone = alone_in(out)?;
     if let Some(minutes) = arguments.expected_minutes() {
         say!(
             "about {minutes} minutes on two cores; what is in {} already is not made again",
@@ -70,6 +75,18 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         comparison.measuring_s / 60.0
     );
     Ok(())
+}
+
+/// A lock on the folder of a run, which ends with the process.
+fn alone_in(out: &Path) -> anyhow::Result<File> {
+    let folder = File::open(out)?;
+    match folder.try_lock() {
+        Ok(()) => Ok(folder),
+        Err(TryLockError::WouldBlock) => bail!("another pcc compare writes to {}", out.display()),
+        Err(TryLockError::Error(error)) => {
+            Err(error).with_context(|| format!("cannot lock {}", out.display()))
+        }
+    }
 }
 
 /// The figures of a set's records.

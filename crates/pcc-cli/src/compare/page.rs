@@ -74,7 +74,8 @@ pub(super) fn html(
     }
     page += &format!(
         "<h2 id=\"planners\">Planners compared</h2><p>{candidates} candidates or attempts a case, seed {seed}, one request at a time. Every case of a \
-         set is counted (what a set leaves out is said with it), and all planners answer the same ones; intervals are 95 % by the bootstrap over cases. “Success” is the paper's \
+         set is counted (what a set leaves out is said with it), and all planners answer the same ones; intervals are 95 % by the bootstrap over targets, each \
+         with all of its cases. “Success” is the paper's \
          criterion: of the paths as they were drawn (of planners that draw none whole, RRT* and BIT* among them, as they were corrected), a tip within 0.1 L of the target \
          and nine points of the body clear at 64 waypoints. “Certified” is this project's: the whole body, the whole motion and all \
          tendon limits; tip length, smoothness and duration are of certified motions.</p>"
@@ -104,7 +105,7 @@ fn origin(comparison: &Comparison) -> String {
         "Made by <code>pcc compare</code> (SHA-256 of the program {program}) in {:.1} minutes of measuring{place}. Each command goes into a shell in the \
          repository's folder, after <code>cargo build --release --locked -p planner-daemon -p controller -p pcc-cli</code>, and makes what is above it \
          again in a folder of its own. On the same machine all numbers but times come out the same, except those of RRT* and BIT*, which end by the \
-         clock, and of what is executed.",
+         clock, of what is executed, and of the best candidates at equal time, whose number the times decide.",
         measuring_s / 60.0
     )
 }
@@ -325,35 +326,21 @@ fn sentence(against: &str, other: &PlannerResult, paired: &Paired) -> String {
 
 /// In what the planner that all are paired with is ahead, and in what behind, by the intervals.
 fn verdict(paired: &Paired) -> String {
-    let by_more = |other: &Interval| match (other.low, other.high) {
-        (_, Some(high)) if high < 0.0 => Verdict::Ahead,
-        (Some(low), _) if low > 0.0 => Verdict::Behind,
-        _ => Verdict::Open,
-    };
-    let by_less = |other: &Interval| match by_more(other) {
-        Verdict::Ahead => Verdict::Behind,
-        Verdict::Behind => Verdict::Ahead,
-        Verdict::Open => Verdict::Open,
-    };
-    let by_half = |own: &Interval, other: &Interval| match (own.low, other.low) {
-        (Some(low), _) if low > 0.5 => Verdict::Ahead,
-        (_, Some(low)) if low > 0.5 => Verdict::Behind,
-        _ => Verdict::Open,
-    };
+    let half = Verdict::by_half;
     let all = [
-        ("certified share", by_more(&paired.certified_ahead)),
-        ("success", by_more(&paired.success_ahead)),
-        ("time of a request", by_less(&paired.request_longer_s)),
-        ("modes", by_more(&paired.modes_ahead)),
+        ("certified share", Verdict::by_more(&paired.certified_ahead)),
+        ("success", Verdict::by_more(&paired.success_ahead)),
         (
-            "tip length",
-            by_half(&paired.tip_longer, &paired.tip_shorter),
+            "time of a request",
+            Verdict::by_less(&paired.request_longer_s),
         ),
+        ("modes", Verdict::by_more(&paired.modes_ahead)),
+        ("tip length", half(&paired.tip_longer, &paired.tip_shorter)),
         (
             "smoothness",
-            by_half(&paired.tip_rougher, &paired.tip_smoother),
+            half(&paired.tip_rougher, &paired.tip_smoother),
         ),
-        ("duration", by_half(&paired.slower, &paired.faster)),
+        ("duration", half(&paired.slower, &paired.faster)),
     ];
     let named = |wanted: Verdict| {
         let names = all.iter().filter(|it| it.1 == wanted).map(|it| it.0);
@@ -378,6 +365,35 @@ enum Verdict {
     Ahead,
     Behind,
     Open,
+}
+
+impl Verdict {
+    /// From what the other one has more, where more is better.
+    fn by_more(other: &Interval) -> Self {
+        match (other.low, other.high) {
+            (_, Some(high)) if high < 0.0 => Self::Ahead,
+            (Some(low), _) if low > 0.0 => Self::Behind,
+            _ => Self::Open,
+        }
+    }
+
+    /// From what the other one has more, where less is better.
+    fn by_less(other: &Interval) -> Self {
+        match Self::by_more(other) {
+            Self::Ahead => Self::Behind,
+            Self::Behind => Self::Ahead,
+            Self::Open => Self::Open,
+        }
+    }
+
+    /// From the shares of cases in which its own motion and the other's is better.
+    fn by_half(own: &Interval, other: &Interval) -> Self {
+        match (own.low, other.low) {
+            (Some(low), _) if low > 0.5 => Self::Ahead,
+            (_, Some(low)) if low > 0.5 => Self::Behind,
+            _ => Self::Open,
+        }
+    }
 }
 
 #[cfg(test)]

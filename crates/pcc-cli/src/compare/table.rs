@@ -61,7 +61,7 @@ pub(super) fn print(comparison: &Comparison) {
     } in &comparison.sets
     {
         say!(
-            "\n{set}: {cases} cases, {} candidates each; 95 % intervals over cases",
+            "\n{set}: {cases} cases, {} candidates each; 95 % intervals over targets",
             comparison.candidates
         );
         say!(
@@ -92,9 +92,8 @@ fn print_planner(
         )
     };
     let share = |it: Interval| {
-        let [value, low, high] =
-            [it.value, it.low, it.high].map(|it| 100.0 * it.unwrap_or(f64::NAN));
-        format!("{value:.1} [{low:.1}, {high:.1}]")
+        let text = |it: Option<f64>| it.map_or("-".to_owned(), |it| format!("{:.1}", 100.0 * it));
+        format!("{} [{}, {}]", text(it.value), text(it.low), text(it.high))
     };
     say!(
         "{planner:17} {:>22} {:>22} {:>10} {:>9} {:>9} {:>10} {:>6}",

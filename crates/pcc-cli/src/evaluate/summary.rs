@@ -56,7 +56,7 @@ struct Sampled {
     success_any: f64,
     /// `success` of the cases with so many balls.
     success_by_balls: BTreeMap<usize, f64>,
-    /// The same with its 95 % interval by the bootstrap over cases.
+    /// The same with its 95 % interval by the bootstrap over targets.
     success_by_balls_interval: BTreeMap<usize, Interval>,
     /// Tip error, section lengths.
     tip_error: Spread,
@@ -81,10 +81,10 @@ impl Sampled {
         let successful = all.clone().filter(|v| v.is_success());
         let plans = answers.iter().filter_map(|a| a.plan.as_ref().ok());
         let by_balls = success_by_balls(answers, &sampled, arguments.candidates);
-        let of_cases = |cases: &[&f64]| mean(cases.iter().map(|share| **share));
+        let of_cases = |cases: &[&(i32, f64)]| mean(cases.iter().map(|it| it.1));
         let intervals = by_balls
             .iter()
-            .map(|(balls, cases)| (*balls, interval(cases, of_cases)));
+            .map(|(balls, cases)| (*balls, interval(cases, |it| it.0, of_cases)));
         let intervals: BTreeMap<usize, Interval> = intervals.collect();
         let shares = intervals
             .iter()
@@ -105,18 +105,19 @@ impl Sampled {
     }
 }
 
-/// The share of each case's candidates that succeed, by number of balls.
+/// The share of each case's candidates that succeed, with the case's target, by number of balls.
 fn success_by_balls(
     answers: &[Answer],
     sampled: &[Vec<SampledVerdict>],
     candidates: usize,
-) -> BTreeMap<usize, Vec<f64>> {
-    let mut shares: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+) -> BTreeMap<usize, Vec<(i32, f64)>> {
+    let mut shares: BTreeMap<usize, Vec<(i32, f64)>> = BTreeMap::new();
     for (answer, verdicts) in answers.iter().zip(sampled) {
         let balls = answer.case.scene.balls().len();
         let successes = verdicts.iter().filter(|v| v.is_success()).count();
         let of_balls = shares.entry(balls).or_default();
-        of_balls.push(successes as f64 / candidates as f64);
+        let share = successes as f64 / candidates as f64;
+        of_balls.push((answer.case.target_index, share));
     }
     shares
 }

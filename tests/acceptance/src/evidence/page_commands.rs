@@ -14,9 +14,16 @@ use crate::report::Report;
 use crate::runs::folder;
 
 /// Figures without times, whose pictures come out the same.
-const SAME_PICTURES: [&str; 3] = ["network", "denoising", "solutions"];
+const SAME_PICTURES: [&str; 4] = ["network", "denoising", "solutions", "updates"];
 /// Figures whose numbers come out the same, but for their times.
-const SAME_NUMBERS: [&str; 5] = ["denoising", "solutions", "ablation", "comparison", "steps"];
+const SAME_NUMBERS: [&str; 6] = [
+    "denoising",
+    "solutions",
+    "ablation",
+    "comparison",
+    "steps",
+    "tip-length",
+];
 /// Times among the numbers of records and of figures.
 const TIMES: [&str; 4] = ["seconds", "drawing_s", "sampling_s", "a_candidate_ms"];
 
@@ -129,10 +136,10 @@ fn numbers_again(page: &Path, made: &Path) -> anyhow::Result<(usize, usize)> {
         for file in fs::read_dir(made.join(kind))? {
             let file = file?;
             let name = file.file_name().to_string_lossy().into_owned();
-            if BY_THE_CLOCK
-                .iter()
-                .any(|it| name == format!("{SET}-{it}.jsonl"))
-            {
+            let planner = name
+                .strip_suffix(".jsonl")
+                .and_then(|it| it.split_once('-'));
+            if planner.is_some_and(|(_set, it)| BY_THE_CLOCK.contains(&it)) {
                 continue;
             }
             let again = numbers_of(&file.path())?;

@@ -11,7 +11,7 @@ pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 pub(crate) const INK: RGBColor = RGBColor(28, 39, 51);
 pub(crate) const GREY: RGBColor = RGBColor(128, 138, 148);
 /// Colours of what is told apart.
-pub(crate) const COLOURS: [RGBColor; 10] = [
+pub(crate) const COLOURS: [RGBColor; 12] = [
     RGBColor(31, 105, 178),
     RGBColor(194, 87, 26),
     RGBColor(47, 143, 91),
@@ -22,6 +22,8 @@ pub(crate) const COLOURS: [RGBColor; 10] = [
     RGBColor(107, 122, 31),
     RGBColor(77, 87, 196),
     RGBColor(140, 90, 60),
+    RGBColor(90, 90, 90),
+    RGBColor(232, 120, 150),
 ];
 
 /// A picture of so many pixels as SVG.
@@ -48,7 +50,7 @@ pub(crate) fn label(value: f64) -> String {
     let size = value.abs();
     match size {
         0.0..1e-9 => "0".to_owned(),
-        1000.0.. => format!("{:.0}k", value / 1000.0),
+        1000.0.. => format!("{}k", (value / 100.0).round() / 10.0),
         _ => format!("{}", (value * 1e6).round() / 1e6),
     }
 }

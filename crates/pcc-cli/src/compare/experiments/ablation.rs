@@ -51,7 +51,8 @@ const PANELS: [Panel; 4] = [
         errors.map(|it| 100.0 * it.tip_error / 3.0).collect()
     }),
     ("Sampling time of a path", "ms", |record| {
-        vec![1e3 * record.sampling_s / record.asked as f64]
+        let seconds = record.sampling_s.into_iter();
+        seconds.map(|it| 1e3 * it / record.asked as f64).collect()
     }),
     ("Clearance of all paths", "L", |record| {
         clearances(&record.drawn)
@@ -87,11 +88,12 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         pictures,
         caption: format!(
             "The paper's sampler without guidance, with post correction and with guided prediction, {} unseen cases each without balls and of the mixed reference \
-             scenes (none to four balls), {} candidates a case, 50 DDIM steps. Bars are means, whiskers the 5th and 95th percentiles: of cases (success, \
+             scenes (none to four balls), {} candidates a case, {}. Bars are means, whiskers the 5th and 95th percentiles: of cases (success, \
              time) and of paths (tip error ÷ 3 L, clearance of the nine points that the criterion looks at; below 0 they touch). All three begin with the \
              same noise. {}; {}.",
             free.cases.len(),
             bench.arguments.candidates,
+            bench.models().sampling(),
             changes("Without balls", &free, &PAPER_FREE)?,
             changes("mixed", &mixed, &PAPER_MIXED)?
         ),

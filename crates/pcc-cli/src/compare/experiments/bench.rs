@@ -98,6 +98,14 @@ impl<'a> Bench<'a> {
         Ok(cases)
     }
 
+    /// At most so many cases from all over a set, each of another target.
+    pub(super) fn scattered_cases(&self, set: &CaseSet, count: usize) -> anyhow::Result<Vec<Case>> {
+        let mut cases = self.cases(set, self.arguments.cases())?;
+        cases.dedup_by_key(|case| case.target_index);
+        let step = (cases.len() / count).max(1);
+        Ok(cases.into_iter().step_by(step).take(count).collect())
+    }
+
     /// The answers of some planners to the first so many cases of a set.
     pub(in crate::compare) fn answers(
         &self,

@@ -62,14 +62,16 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     let mut pictures = Vec::new();
     let mut told = Vec::new();
     for set in [&CaseSet::GENERAL, &CaseSet::HARD] {
-        let (budget_ms, arms) = arms(bench, set)?;
+        let cases = bench.cases(set, bench.arguments.cases())?;
+        let (budget_ms, arms) = arms(bench, set, &cases)?;
         let solved = solved_by_all(&arms);
         told.push(format!(
             "{set}: {budget_ms:.2} ms a request, {} cases",
             solved.len()
         ));
         for (rule, (_, title)) in RULES.into_iter().enumerate() {
-            let picture = picture(set, title, rule, &arms, &solved)?;
+            let chart = chart(title, rule, &arms, &cases, &solved)?;
+            let picture = Picture::new(chart, format!("{set} cases"));
             pictures.push(if rule == 0 {
                 picture.in_new_row()
             } else {
@@ -82,7 +84,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         title: "The best candidate by each selection rule, at equal number and at equal time",
         pictures,
         caption: format!(
-            "Medians over the cases that all of these planners solve, with 95 % intervals by the bootstrap over cases. × 10: equal number. The other row of a \
+            "Medians over the cases that all of these planners solve, with 95 % intervals by the bootstrap over targets. × 10: equal number. The other row of a \
              planner has the most candidates, up to 64, whose median request takes no longer than that of the slowest planner takes for ten ({}). Of \
              clearance more is better, of all others less. Every motion that an answer holds counts, those of <code>fast</code>'s exploring too.",
             told.join("; ")
@@ -92,9 +94,8 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
 }
 
 /// Every planner at equal number and at equal time, and what the time is, ms.
-fn arms(bench: &Bench, set: &CaseSet) -> anyhow::Result<(f64, Vec<Arm>)> {
-    let cases = bench.cases(set, bench.arguments.cases())?;
-    let measured = PLANNERS.map(|planner| measured(bench, planner, set, &cases));
+fn arms(bench: &Bench, set: &CaseSet, cases: &[Case]) -> anyhow::Result<(f64, Vec<Arm>)> {
+    let measured = PLANNERS.map(|planner| measured(bench, planner, set, cases));
     let measured: Vec<Vec<Measured>> = measured.into_iter().collect::<anyhow::Result<_>>()?;
     let of_ten = measured.iter().filter_map(|it| it.first());
     let budget_ms = of_ten.map(|it| it.request_ms).fold(0.0, f64::max);
@@ -183,22 +184,20 @@ fn solved_by_all(arms: &[Arm]) -> Vec<usize> {
     (0..cases).filter(is_solved).collect()
 }
 
-fn picture(
-    set: &CaseSet,
+/// A rule's figure of every arm over the cases that all of them solve.
+fn chart(
     title: &str,
     rule: usize,
     arms: &[Arm],
+    cases: &[Case],
     solved: &[usize],
-) -> anyhow::Result<Picture> {
-    let rows: Vec<_> = arms
-        .iter()
-        .map(|arm| {
-            let values = solved.iter().filter_map(|case| arm.best[*case]?[rule]);
-            let values: Vec<f64> = values.collect();
-            let of_all = |values: &[&f64]| median(values.iter().map(|it| **it));
-            (arm.name.as_str(), interval(&values, of_all))
-        })
-        .collect();
-    let chart = named_rows(title, true, &rows)?;
-    Ok(Picture::new(chart, format!("{set} cases")))
+) -> anyhow::Result<String> {
+    let row = |arm: &Arm| {
+        let of_case = |case: &usize| Some((cases[*case].target_index, arm.best[*case]?[rule]?));
+        let values: Vec<(i32, f64)> = solved.iter().filter_map(of_case).collect();
+        let of_all = |values: &[&(i32, f64)]| median(values.iter().map(|it| it.1));
+        interval(&values, |it| it.0, of_all)
+    };
+    let rows: Vec<_> = arms.iter().map(|it| (it.name.as_str(), row(it))).collect();
+    named_rows(title, true, &rows)
 }

@@ -2,11 +2,13 @@
 
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
+use crate::averages::median;
 use crate::compare::case_sets::{CaseSet, hash_of};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
 use crate::compare::figure_name::FigureName;
 use crate::evaluate::{Asked, answer};
 use crate::sampler::{PlannerName, name_of};
+use anyhow::Context;
 use datasets::Case;
 use planning::MOST_CORRECTIONS;
 use serde_json::json;
@@ -23,7 +25,7 @@ const PLANNERS: [PlannerName; 7] = [
 const COUNTS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 
 pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
-    let cases = bench.cases(&CaseSet::REFERENCE, bench.scale(5, 40))?;
+    let cases = bench.scattered_cases(&CaseSet::REFERENCE, bench.scale(5, 40))?;
     let mut lines = Vec::new();
     for (planner, colour) in PLANNERS.into_iter().zip(COLOURS) {
         let points = medians(bench, planner, &cases)?;
@@ -65,8 +67,8 @@ fn medians(bench: &Bench, name: PlannerName, cases: &[Case]) -> anyhow::Result<V
                 let answer = answer(&loaded.planner, asked, seed, case.clone(), None)?;
                 times_ms.push(1e3 * answer.drawing_s);
             }
-            times_ms.sort_by(f64::total_cmp);
-            points.push((candidates as f64, times_ms[times_ms.len() / 2]));
+            let median_ms = median(times_ms.into_iter()).context("no cases")?;
+            points.push((candidates as f64, median_ms));
         }
         Ok(points)
     })

@@ -23,7 +23,7 @@ const START_SEED: u64 = 3;
 const START_DIGITS: f64 = 1e3;
 /// Candidates.
 const DRAWS: u64 = 10;
-/// Steps of the paper's sampler at which its paths are shown.
+/// Steps of the paper's sampler at which its paths are shown; where it has others, as far along.
 const SHOWN: [usize; 6] = [0, 20, 34, 42, 46, 50];
 /// Waypoints whose bodies are shown.
 const BODIES: [usize; 4] = [0, 21, 42, 63];
@@ -77,8 +77,9 @@ impl Traces {
                 (0..DRAWS).map(|draw| loaded.planner.trace(&problem, guidance, seed(draw)));
             let traces = traces.collect::<Result<Vec<_>, _>>()?;
             let steps = traces[0].len() - 1;
+            let mut shown = SHOWN.map(|it| it * steps / SHOWN[SHOWN.len() - 1]).to_vec();
+            shown.dedup();
             let snapshot = |step: usize| {
-                let step = step.min(steps);
                 let tips = traces.iter().map(|trace| {
                     let shown = trace[step].iter().step_by(TIP_STRIDE);
                     shown.map(|it| bench.robot.tip(it).into()).collect()
@@ -90,7 +91,7 @@ impl Traces {
                 }
             };
             Ok(Self {
-                snapshots: SHOWN.into_iter().map(snapshot).collect(),
+                snapshots: shown.into_iter().map(snapshot).collect(),
             })
         })
     }
@@ -112,6 +113,7 @@ impl Traces {
             ELEVATION,
             points.chain(balls).chain([(task.target, 0.3)]),
         );
+        let steps = self.snapshots.last().map_or(0, |it| it.step);
         let picture = |snapshot: &Snapshot| {
             let mut scene = Scene3d::new(&bench.robot, camera);
             task.balls.iter().for_each(|ball| scene.ball(ball));
@@ -127,11 +129,7 @@ impl Traces {
                 }
             }
             scene.ends(&bench.robot.tip(&task.start), &task.target);
-            let caption = format!(
-                "after {} of {} steps",
-                snapshot.step,
-                SHOWN[SHOWN.len() - 1]
-            );
+            let caption = format!("after {} of {steps} steps", snapshot.step);
             Ok(Picture::new(scene.svg()?, caption))
         };
         self.snapshots.iter().map(picture).collect()
@@ -173,8 +171,9 @@ pub(super) fn from_two_starts(bench: &Bench) -> anyhow::Result<Figure> {
         title: "Denoising from a random and from the straight start",
         pictures,
         caption: format!(
-            "The paper's sampler (<code>diffusion</code>, 50 DDIM steps, no guidance, no balls) between noise and path: tip paths of {DRAWS} candidates, \
-             and bodies of one of them at four waypoints, from the start (grey) to its end (blue). Diamond: tip of the start; star: target."
+            "The paper's sampler (<code>diffusion</code>, {}, no guidance, no balls) between noise and path: tip paths of {DRAWS} candidates, \
+             and bodies of one of them at four waypoints, from the start (grey) to its end (blue). Diamond: tip of the start; star: target.",
+            bench.models().sampling()
         ),
         made_by: None,
     })

@@ -79,6 +79,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
     let manifest = Manifest::open(weights)?;
     let file = manifest.weights(name)?;
     let entry = manifest.entry(name)?;
+    let width = file.count("width")?;
     let total: usize = file.shapes().map(|(_, shape)| numbers(shape)).sum();
     let drawn = svg(SIZE, |area| {
         for feed in FEEDS {
@@ -109,8 +110,10 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         )],
         caption: format!(
             "Diffusion step, start, target tip and obstacle graph are embedded and added to one context, which scales and shifts every block of a temporal \
-             U-Net over 64 waypoints (channels 64, 128, 256; blocks down pass what they have on to those up). It estimates the noise. Each number is counted from the tensors of \
+             U-Net over 64 waypoints (channels {width}, {}, {}; blocks down pass what they have on to those up). It estimates the noise. Each number is counted from the tensors of \
              <code>{}</code>: {total} numbers in all, trained for {} updates.",
+            2 * width,
+            4 * width,
             escaped(&weights.join(&entry.file).display().to_string()),
             entry.updates
         ),

@@ -226,6 +226,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
             .map(|cases| Solved::first_of(bench, &loaded, cases));
         solved.collect()
     })?;
+    let sampling = bench.models().sampling();
     let mut pictures = Vec::new();
     for (solved, (_, id)) in solved.iter().zip(SCENES) {
         pictures.push(solved.picture(bench)?.with_id(id));
@@ -247,7 +248,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         title: "Several solutions among none to four balls",
         pictures,
         caption: format!(
-            "{DRAWS} paths each of <code>diffusion</code> (50 DDIM steps, no guidance) for the first unseen case with so many balls for which at least two of them succeed \
+            "{DRAWS} paths each of <code>diffusion</code> ({sampling}, no guidance) for the first unseen case with so many balls for which at least two of them succeed \
              (the last one where there is none): reference cases, and a general one for three balls, which the model was not trained with. Drawn are the paths that succeed by the paper's criterion: the body at their end, and the \
              tip's way from the diamond to the star. Below, the two solutions with one ball whose ends are farthest apart, as bodies and as curves of their \
              six components."

@@ -2,12 +2,14 @@
 
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
+use crate::averages;
 use crate::compare::case_log::CaseRecord;
 use crate::compare::case_sets::{CaseSet, hash_of};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
 use crate::compare::figure_name::FigureName;
 use crate::evaluate::{Asked, answer};
 use crate::sampler::PlannerName;
+use anyhow::Context;
 use datasets::Case;
 use denoiser::Solver;
 use planning::MOST_CORRECTIONS;
@@ -101,11 +103,12 @@ fn measure(
             }
             let paths = (cases.len() * candidates) as f64;
             let successes: usize = records.iter().map(|it| it.successes).sum();
-            let sampling_s: f64 = records.iter().map(|it| it.sampling_s).sum();
+            let sampling_s = averages::mean(records.iter().filter_map(|it| it.sampling_s));
+            let sampling_s = sampling_s.context("every request was refused")?;
             Ok(Point {
                 steps,
                 success: successes as f64 / paths,
-                a_candidate_ms: 1e3 * sampling_s / paths,
+                a_candidate_ms: 1e3 * sampling_s / candidates as f64,
             })
         })?);
     }

@@ -190,7 +190,7 @@ pub(super) const COMMANDS: &[Command] = &[
             ("--sets", Wanted::ReadFolder),
             // Beside planners and sets they are refused; alone they take minutes.
             ("--figures", Wanted::Choice(&[])),
-            ("--cases", Wanted::Whole([2, u64::MAX as i128], 4)),
+            ("--cases", Wanted::Whole([2, 1_000_000], 4)),
             ("--quick", Wanted::Flag),
             ("--candidates", Wanted::Whole([1, 64], 64)),
             ("--seed", SEED),
