@@ -25,6 +25,8 @@ WARM_UP_UPDATES = 500
 AVERAGE_EVERY = 4
 VALIDATION_ROWS = 2048
 UPDATES_BEFORE_CAPTURE = 3
+# Totals of a run and those that it goes on from, by their names in a weights file.
+NOTHING_DONE = {"updates": 0, "rows_used": 0, "training_rows": 0, "training_seconds": 0, "data": []}
 SCALE_TENSORS = tuple(
     f"normalisation.{part}" for part in ("configuration_low", "configuration_high", "position_centre", "position_scale")
 )
@@ -54,6 +56,10 @@ class Scale:
 
     def position(self, values):
         return (values - self.centre) / self.scale
+
+    def is_symmetric(self):
+        ranges = torch.cat([self.high, -self.low])
+        return bool((ranges == ranges[0]).all() and (self.centre[:2] == 0).all())
 
     def tensors(self):
         return dict(zip(SCALE_TENSORS, (self.low, self.high, self.centre, self.scale)))
@@ -157,7 +163,7 @@ class Run:
         self.generator = torch.Generator(device=device).manual_seed(arguments.seed)
         self.updates, self.seconds, self.cool_down = 0, 0.0, arguments.cool_down
         self.facts = {name: getattr(arguments, name) for name in ("width", "seed", "batch", "rate", "average", "symmetries")}
-        self.facts |= {"products": "bf16" if arguments.bf16 else "f32", "begun_from": "nothing"}
+        self.facts |= {"products": "bf16" if arguments.bf16 else "f32", "begun_from": "nothing", "before": NOTHING_DONE}
         self.facts |= {"rows": len(rows.train), "theta_max": rows.theta_max, "data": json.dumps(rows.recipes)}
 
     def save(self, file, rows, record):
@@ -169,13 +175,13 @@ class Run:
         part.replace(file)
 
     def begin_from(self, state, name):
-        """Takes another run's weights, and nothing else."""
+        """Takes another run's weights and what has been done for them, and nothing else."""
         for model in (self.model, self.average):
             model.load_state_dict(state["average"])
-        self.facts["begun_from"] = f"{name}, {state['updates']} updates"
+        self.facts |= {"begun_from": f"{name}, {state['done']['updates']} updates", "before": state["done"]}
 
     def restore(self, state):
-        here = self.facts | {"begun_from": state["facts"]["begun_from"]}
+        here = self.facts | {name: state["facts"][name] for name in ("begun_from", "before")}
         for name, there in state["facts"].items():
             if here[name] != there:
                 raise SystemExit(f"the checkpoint is of another run: its {name} is {there}, not {here[name]}")
@@ -261,16 +267,35 @@ def validate(run, diffusion, rows):
     return float(sum(losses) / len(rows.validation)) if chunks and len(rows.validation) else math.nan
 
 
+def done(state):
+    """What a run has done for its weights, with the runs that it goes on from."""
+    facts, updates = state["facts"], state["updates"]
+    here = {"updates": updates, "rows_used": updates * facts["batch"], "training_rows": facts["rows"]}
+    here |= {"training_seconds": round(state["seconds"]), "data": json.loads(facts["data"])}
+    return {name: before + here[name] for name, before in facts["before"].items()}
+
+
+def checkpoint_of(file, device):
+    """A run's checkpoint; those without the totals of the runs before are of a first run, or are refused."""
+    state = torch.load(file, map_location=device, weights_only=True)
+    if "before" not in state["facts"] and state["facts"]["begun_from"] != "nothing":
+        raise SystemExit(f"{file} does not say what was done before it for the weights of {state['facts']['begun_from']}")
+    state["facts"].setdefault("before", NOTHING_DONE)
+    return state
+
+
 def state_of(source, device):
-    """A run's checkpoint, or of a weights file what a new run begins with: averaged weights, scale and updates."""
+    """A run's checkpoint, or of a weights file what a new run begins with: averaged weights, scale and what was done for them."""
     if source.suffix != ".safetensors":
-        return torch.load(source, map_location=device, weights_only=True)
+        state = checkpoint_of(source, device)
+        return state | {"done": done(state)}
     with safe_open(source, "pt", device=str(device)) as file:
         facts, tensors = file.metadata() or {}, {name: file.get_tensor(name) for name in file.keys()}
     if facts.get("architecture") != ARCHITECTURE:
         raise SystemExit(f"{source} has weights of {facts.get('architecture')}, and those of {ARCHITECTURE} are needed")
     scale = {name: tensors.pop(name) for name in SCALE_TENSORS}
-    return {"average": tensors, "scale": scale, "updates": int(facts["updates"])}
+    facts.setdefault("rows_used", str(int(facts["updates"]) * int(facts["batch"])))
+    return {"average": tensors, "scale": scale, "done": {name: json.loads(facts[name]) for name in NOTHING_DONE}}
 
 
 def begin(arguments, device):
@@ -278,7 +303,10 @@ def begin(arguments, device):
     checkpoint = Path(arguments.checkpoint)
     source = checkpoint if checkpoint.exists() else arguments.begin_from
     state = state_of(Path(source), device) if source else None
-    rows = Rows(arguments.data, device, arguments.symmetries, state and Scale(*state["scale"].values()))
+    scale = state and Scale(*state["scale"].values())
+    if scale and arguments.symmetries and not scale.is_symmetric():
+        raise SystemExit(f"{source} was trained without --symmetries: its scale is not the same in all directions")
+    rows = Rows(arguments.data, device, arguments.symmetries, scale)
     run = Run(arguments, rows, device)
     if checkpoint.exists():
         run.restore(state)
@@ -318,15 +346,16 @@ def train(arguments):
 def metadata_of(state, recipe, measured, machine):
     """Everything the loader checks, and how the weights were made."""
     facts = state["facts"]
-    made = {name: str(facts[name]) for name in ("rate", "products", "begun_from", "data", "average", "symmetries")}
+    made = {name: str(facts[name]) for name in ("rate", "products", "begun_from", "average", "symmetries")}
     made["cool_down"] = str(state["cool_down"])
     made["normalisation"] = "configurations to [-1, 1], positions by one centre and one scale: the tensors say"
-    return metadata(facts["width"], facts["theta_max"]) | made | record_of(state, recipe, measured, machine)
+    told = metadata(facts["width"], facts["theta_max"]) | made | record_of(state, recipe, measured, machine)
+    return told | {name: json.dumps(total) for name, total in done(state).items()}
 
 
 def export(arguments):
     """Writes the averaged weights and the manifest's entry."""
-    state = torch.load(arguments.checkpoint, map_location="cpu", weights_only=True)
+    state = checkpoint_of(arguments.checkpoint, "cpu")
     measured = json.dumps(json.loads(arguments.measured))
     metadata = metadata_of(state, arguments.recipe, measured, arguments.machine or this_machine())
     print(write_weights(Path(arguments.out), arguments.name, state["average"] | state["scale"], metadata))

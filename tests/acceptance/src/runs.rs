@@ -121,10 +121,24 @@ impl Model {
         Ok(file.count("width")?)
     }
 
-    /// Rows of one update of the training.
-    pub(crate) fn rows_of_an_update(&self) -> anyhow::Result<u64> {
+    /// Seeds of the data sets that it was trained with.
+    pub(crate) fn training_seeds(&self) -> anyhow::Result<Vec<u64>> {
         let file = Manifest::open(&self.folder)?.weights(&self.name)?;
-        Ok(file.count("batch")? as u64)
+        let text = file.metadata("data").context("weights without `data`")?;
+        let sets: Vec<Value> = serde_json::from_str(text)?;
+        let seeds = sets.iter().map(|set| set["seed"].as_u64());
+        seeds
+            .map(|seed| seed.context("a set without a seed"))
+            .collect()
+    }
+
+    /// Rows of all updates of the training; weights of one run may not say it.
+    pub(crate) fn rows_used(&self) -> anyhow::Result<u64> {
+        let file = Manifest::open(&self.folder)?.weights(&self.name)?;
+        match file.metadata("rows_used") {
+            Some(_) => Ok(file.count("rows_used")? as u64),
+            None => Ok(self.updates * file.count("batch")? as u64),
+        }
     }
 }
 
