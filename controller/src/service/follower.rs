@@ -13,7 +13,7 @@ use shared_types::{
 };
 
 use signal_hook::consts::SIGUSR1;
-use signal_hook::flag;
+use signal_hook::{SigId, flag, low_level};
 
 use super::{
     config::ControllerConfig,
@@ -39,6 +39,16 @@ pub struct Follower {
     deadlines: PeriodicDeadlines,
     shutdown: Shutdown,
     services: LoopServices,
+    _stop_signal: StopSignal,
+}
+
+/// The handler of SIGUSR1, while this lives.
+struct StopSignal(SigId);
+
+impl Drop for StopSignal {
+    fn drop(&mut self) {
+        low_level::unregister(self.0);
+    }
 }
 
 /// One cycle of a follower: what the motors are to do, and the configuration that is commanded.
@@ -86,8 +96,9 @@ impl Follower {
     ) -> Result<Self, IpcError> {
         let (config, signals) = (Arc::new(config), Signals::default());
         let shutdown = Shutdown::asked_by(Arc::clone(&signals.shutdown));
-        flag::register(SIGUSR1, Arc::clone(&signals.stop))
+        let handler = flag::register(SIGUSR1, Arc::clone(&signals.stop))
             .map_err(|error| no_handler(SERVICE, "SIGUSR1", &error))?;
+        let stop_signal = StopSignal(handler);
         let (services, link) = LoopServices::start(&config, options, signals)?;
         robot_driver::claim_shared_memory(options)?;
         let period = Duration::from_nanos(config.executive.period_ns.unsigned_abs());
@@ -102,6 +113,7 @@ impl Follower {
             deadlines: PeriodicDeadlines::from_now(config.executive.period_ns),
             shutdown,
             services,
+            _stop_signal: stop_signal,
         })
     }
 

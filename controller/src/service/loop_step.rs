@@ -77,8 +77,8 @@ impl LoopStep {
             self.setpoints_sent += 1;
             robot.send(&wire::setpoint(self.setpoints_sent, &output));
         }
-        self.give_back();
         self.report(output, (now_ns - deadline_ns).max(0).unsigned_abs());
+        self.give_back();
         output
     }
 
@@ -157,8 +157,12 @@ impl LoopStep {
         }
     }
 
-    /// Obeys stops, after trajectories and orders: a stop also ends a motion that arrived while the loop was held up.
+    /// Obeys stops, after trajectories and orders: a stop also ends a motion that arrived while the loop was held up. While the threads end, nobody
+    /// orders any more: nothing is to begin then.
     fn take_stops(&mut self) {
+        if self.link.shared.is_quitting() && self.executive.stop(StopOrigin::Shutdown).is_ok() {
+            self.give_back();
+        }
         let up_to = self.link.shared.stops();
         if up_to == self.stops_seen {
             return;
@@ -230,7 +234,7 @@ mod tests {
     use crate::{
         executive::Ending,
         fixtures::{MS, curved_motion, target_configuration, unit_robot},
-        service::link::link,
+        service::link::{RelayEnd, link},
     };
 
     /// A robot at rest in the middle that tells a state when it is asked.
@@ -249,27 +253,53 @@ mod tests {
         fn send(&mut self, _: &Setpoint) {}
     }
 
-    #[test]
-    fn a_robot_that_stopped_by_itself_is_seen_before_a_stop_is_obeyed() {
+    fn cycle(step: &mut LoopStep, state: MotorState) -> LoopState {
+        let output = step.cycle(mono_now_ns(), &mut PlayedRobot(state));
+        output.state
+    }
+
+    /// A loop at which a motion waits for its begin, and the relay's end.
+    fn with_a_waiting_motion() -> (LoopStep, RelayEnd) {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/controller.toml");
         let config = ControllerConfig::from_file(&file).unwrap();
         let (at_loop, _guard, mut at_relay) = link();
         at_loop.shared.daemon_alive.store(true, Ordering::Relaxed);
         let mut step = LoopStep::new(&config, at_loop);
-        let mut cycle = |state| step.cycle(mono_now_ns(), &mut PlayedRobot(state));
-        cycle(MotorState::Idle);
-        assert_eq!(cycle(MotorState::Following).state, LoopState::Holding);
+        cycle(&mut step, MotorState::Idle);
+        let state = cycle(&mut step, MotorState::Following);
+        assert_eq!(state, LoopState::Holding);
         let (begin_ns, start) = (mono_now_ns() + 500 * MS, Configuration::zeros());
         let mut waiting = curved_motion(7, begin_ns, start, target_configuration());
         waiting.requested_ns = mono_now_ns();
         at_relay.motions.push(waiting).unwrap();
-        assert_eq!(cycle(MotorState::Following).state, LoopState::Holding);
+        let state = cycle(&mut step, MotorState::Following);
+        assert_eq!(state, LoopState::Holding);
         assert!(at_relay.returns.pop().is_err(), "it waits for its begin");
+        (step, at_relay)
+    }
+
+    fn ending(at_relay: &mut RelayEnd) -> Ending {
+        match at_relay.returns.pop() {
+            Ok(Return::Ended(ended)) => ended.ending,
+            _ => panic!("it is set aside"),
+        }
+    }
+
+    #[test]
+    fn a_robot_that_stopped_by_itself_is_seen_before_a_stop_is_obeyed() {
+        let (mut step, mut at_relay) = with_a_waiting_motion();
         at_relay.shared.order_stop(mono_now_ns(), true);
-        cycle(MotorState::AtRestAfterLoss);
-        let Ok(Return::Ended(ended)) = at_relay.returns.pop() else {
-            panic!("it is set aside");
-        };
-        assert_eq!(ended.ending, Ending::SetAside(StopOrigin::RobotGone));
+        cycle(&mut step, MotorState::AtRestAfterLoss);
+        let ending = ending(&mut at_relay);
+        assert_eq!(ending, Ending::SetAside(StopOrigin::RobotGone));
+    }
+
+    #[test]
+    fn nothing_begins_while_the_threads_end() {
+        let (mut step, mut at_relay) = with_a_waiting_motion();
+        at_relay.shared.quit.store(true, Ordering::Relaxed);
+        cycle(&mut step, MotorState::Following);
+        let ending = ending(&mut at_relay);
+        assert_eq!(ending, Ending::SetAside(StopOrigin::Shutdown));
     }
 }

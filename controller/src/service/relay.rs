@@ -238,8 +238,10 @@ impl Relay {
         }
     }
 
+    /// Takes what the loop gives back, which it reported before: what has happened in that cycle is known then.
     fn take_returns(&mut self) {
         while let Ok(returned) = self.link.returns.pop() {
+            self.take_reports();
             match returned {
                 Return::Ended(ended) => {
                     self.note_ended(&ended);

@@ -17,7 +17,7 @@ const READ: u8 = 0x02;
 const SYNC_READ: u8 = 0x82;
 /// Bytes of a status packet beside what was read.
 const STATUS_OVERHEAD: u32 = 11;
-/// Time that adapter and system add to a read outside the loop, and to one within it.
+/// Time that adapter and system add to a read outside the loop, and at least to one within it.
 const SLACK_OF_A_READ: Duration = Duration::from_millis(10);
 const SLACK_IN_THE_LOOP: Duration = Duration::from_millis(2);
 /// Deadline of a read that does not wait: `serial2` waits for its whole milliseconds, and `dynamixel2` does not read behind a deadline.
@@ -78,6 +78,8 @@ pub(crate) struct ServoState {
 pub(crate) struct ServoBus {
     bus: Bus<Vec<u8>, Vec<u8>>,
     ids: Vec<u8>,
+    /// Time that adapter and system may add to a read in the loop.
+    slack: Duration,
 }
 
 impl ServoBus {
@@ -91,7 +93,13 @@ impl ServoBus {
         Ok(Self {
             bus,
             ids: ids.to_vec(),
+            slack: SLACK_IN_THE_LOOP,
         })
+    }
+
+    /// Has reads in the loop wait for as long as a round of this length took, at least.
+    pub(crate) fn expect_answers_within(&mut self, took: Duration) {
+        self.slack = SLACK_IN_THE_LOOP.max(took);
     }
 
     pub(crate) fn count(&self) -> usize {
@@ -148,7 +156,7 @@ impl ServoBus {
         Ok(read)
     }
 
-    /// So many bytes of one servo; none where it does not answer within a few milliseconds: the servos' watchdogs must not trip meanwhile.
+    /// So many bytes of one servo; none where it does not answer as soon as servos do: their watchdogs must not trip meanwhile.
     pub(crate) fn try_read<const BYTES: usize>(
         &mut self,
         tendon: usize,
@@ -161,7 +169,7 @@ impl ServoBus {
         };
         self.bus.write_instruction(id, READ, 4, encode).ok()?;
         let on_the_line = self.time_of(14 + STATUS_OVERHEAD + BYTES as u32);
-        let deadline = Instant::now() + on_the_line + SLACK_IN_THE_LOOP;
+        let deadline = Instant::now() + on_the_line + self.slack;
         let mut bytes = None;
         hear(&mut self.bus, deadline, |answer| {
             let Some(answer) = answer else {

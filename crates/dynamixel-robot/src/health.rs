@@ -7,11 +7,20 @@ use shared_types::codes::MotorFault;
 /// Time for which a tendon may be slack: a motion that gives way fast is no loss of tension.
 const SLACK_FOR: Duration = Duration::from_millis(200);
 
+/// How long is waited for what.
+#[derive(Clone, Copy)]
+pub(crate) struct Patience {
+    /// Time without an answer after which a servo is silent.
+    pub(crate) silent_after: Duration,
+    /// Time without an answer after which a servo may have lost its power, or its watchdog may have stopped it.
+    pub(crate) marks_after: Duration,
+    /// Most that a cycle counts for: a driver that was held up could hear nobody.
+    pub(crate) longest_cycle: Duration,
+}
+
 /// The servos' answers so far, by the time of the driver's cycles.
 pub(crate) struct Health {
-    silent_after: Duration,
-    /// Most that a cycle counts for: a driver that was held up could hear nobody.
-    longest_cycle: Duration,
+    patience: Patience,
     /// When the cycle began, and the time that counts until then.
     cycle_began: Instant,
     looked_for: Duration,
@@ -29,15 +38,9 @@ pub(crate) struct Health {
 
 impl Health {
     /// Servos that have all answered now.
-    pub(crate) fn new(
-        servos: usize,
-        silent_after: Duration,
-        longest_cycle: Duration,
-        now: Instant,
-    ) -> Self {
+    pub(crate) fn new(servos: usize, patience: Patience, now: Instant) -> Self {
         Self {
-            silent_after,
-            longest_cycle,
+            patience,
             cycle_began: now,
             looked_for: Duration::ZERO,
             heard: vec![Duration::ZERO; servos],
@@ -49,23 +52,23 @@ impl Health {
         }
     }
 
-    /// Begins a cycle; returns whether the driver was held up for so long before that any servo may have lost its power meanwhile.
+    /// Begins a cycle; returns whether the driver was held up for so long before that the mark and the watchdog of every servo are to be read.
     pub(crate) fn begin_cycle(&mut self, now: Instant) -> bool {
         let elapsed = now - self.cycle_began;
-        self.looked_for += elapsed.min(self.longest_cycle);
+        self.looked_for += elapsed.min(self.patience.longest_cycle);
         self.cycle_began = now;
-        elapsed > self.silent_after
+        elapsed > self.patience.marks_after
     }
 
-    /// A servo has answered; returns whether it was silent before.
+    /// A servo has answered; returns whether it had not for so long that its mark and its watchdog are to be read.
     pub(crate) fn hear(&mut self, tendon: usize, is_in_error: bool, is_slack: bool) -> bool {
-        let was_silent = self.looked_for - self.heard[tendon] > self.silent_after;
+        let was_unheard = self.looked_for - self.heard[tendon] > self.patience.marks_after;
         self.heard[tendon] = self.looked_for;
         if !is_slack {
             self.tense[tendon] = self.looked_for;
         }
         self.in_error[tendon] |= is_in_error;
-        was_silent
+        was_unheard
     }
 
     pub(crate) fn lose_line(&mut self) {
@@ -91,7 +94,8 @@ impl Health {
 
     /// The worst that is wrong, and the tendon that it is about.
     pub(crate) fn fault(&self) -> (MotorFault, Option<usize>) {
-        let is_silent = |heard: &Duration| self.looked_for - *heard > self.silent_after;
+        let Patience { silent_after, .. } = self.patience;
+        let is_silent = |heard: &Duration| self.looked_for - *heard > silent_after;
         let is_lost = self.line_is_lost || self.watchdogs_have_tripped;
         if is_lost || self.heard.iter().all(is_silent) {
             return (MotorFault::Bus, None);
@@ -102,7 +106,9 @@ impl Health {
         if self.homeless {
             return (MotorFault::Motor, None);
         }
-        let is_slack = |tense: &Duration| self.looked_for - *tense > SLACK_FOR;
+        // A reply that is lost says nothing of a tendon.
+        let slack_for = SLACK_FOR.max(silent_after);
+        let is_slack = |tense: &Duration| self.looked_for - *tense > slack_for;
         let missing = self.heard.iter().position(is_silent);
         let missing = missing.or_else(|| self.tense.iter().position(is_slack));
         match missing {
@@ -118,10 +124,24 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
+    fn health(
+        servos: usize,
+        silent_after: Duration,
+        longest_cycle: Duration,
+        now: Instant,
+    ) -> Health {
+        let patience = Patience {
+            silent_after,
+            marks_after: silent_after,
+            longest_cycle,
+        };
+        Health::new(servos, patience, now)
+    }
+
     #[test]
     fn the_worst_is_told_first_and_what_passes_is_forgotten() {
         let begun = Instant::now();
-        let mut health = Health::new(2, 20 * MS, 100 * MS, begun);
+        let mut health = health(2, 20 * MS, 100 * MS, begun);
         let begin = |health: &mut Health, ms: u32| health.begin_cycle(begun + ms * MS);
         begin(&mut health, 20);
         assert_eq!(health.fault(), (MotorFault::None, None));
@@ -146,7 +166,7 @@ mod tests {
     #[test]
     fn a_tendon_may_be_slack_for_a_moment() {
         let begun = Instant::now();
-        let mut health = Health::new(1, 9_000 * MS, 9_000 * MS, begun);
+        let mut health = health(1, 20 * MS, 9_000 * MS, begun);
         health.begin_cycle(begun + SLACK_FOR);
         health.hear(0, false, true);
         assert_eq!(health.fault().0, MotorFault::None);
@@ -158,9 +178,37 @@ mod tests {
     }
 
     #[test]
+    fn a_lost_reply_on_a_slow_line_is_no_slack_tendon() {
+        let mut now = Instant::now();
+        // Nine servos of which one is read in each cycle of 12.5 ms.
+        let mut health = health(1, 337 * MS, 25 * MS, now);
+        for cycle in 1..=17 {
+            now += MS * 25 / 2;
+            health.begin_cycle(now);
+            assert_eq!(health.fault(), (MotorFault::None, None), "{cycle}");
+        }
+    }
+
+    #[test]
+    fn a_servo_that_was_unheard_for_longer_than_its_watchdog_is_looked_at() {
+        let begun = Instant::now();
+        let patience = Patience {
+            silent_after: 50 * MS,
+            marks_after: 20 * MS,
+            longest_cycle: 100 * MS,
+        };
+        let mut health = Health::new(1, patience, begun);
+        health.begin_cycle(begun + 20 * MS);
+        assert!(!health.hear(0, false, false));
+        health.begin_cycle(begun + 41 * MS);
+        assert_eq!(health.fault().0, MotorFault::None);
+        assert!(health.hear(0, false, false));
+    }
+
+    #[test]
     fn while_the_driver_is_held_up_no_servo_is_silent_for_longer_than_a_cycle() {
         let mut now = Instant::now();
-        let mut health = Health::new(1, 20 * MS, 8 * MS, now);
+        let mut health = health(1, 20 * MS, 8 * MS, now);
         for _ in 0..2 {
             now += 500 * MS;
             assert!(health.begin_cycle(now));

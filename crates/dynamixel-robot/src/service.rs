@@ -13,7 +13,7 @@ use tracing::{info, warn};
 
 use crate::bus::{BusError, ServoBus, ServoState};
 use crate::config::DynamixelConfig;
-use crate::health::Health;
+use crate::health::{Health, Patience};
 use crate::home::Home;
 use crate::registers::{
     BUS_WATCHDOG, GOAL_CURRENT, PROFILE_VELOCITY, SCRATCH, TORQUE_ENABLE, WATCHDOG_MS,
@@ -83,7 +83,7 @@ struct Process {
     told: (MotorFault, bool),
     mark: u32,
     /// Servos that were silent and whose marks and watchdogs have not been read since: they may have been without power, or have heard nothing.
-    marks_due: [bool; TENDONS],
+    marks_due: Vec<bool>,
     slack: u16,
     lag_s: f64,
     /// Time within a cycle by which answers count.
@@ -144,12 +144,23 @@ pub fn run(
         .silent_after
         .max(3 * rounds * config.period)
         .max((rounds + 1) * longest_cycle);
+    let watchdog = Some(u32::from(config.bus_watchdog) * WATCHDOG_MS)
+        .filter(|watchdog_ms| *watchdog_ms > 0)
+        .map(|watchdog_ms| Duration::from_millis(watchdog_ms.into()));
+    let patience = Patience {
+        silent_after,
+        // A servo that has answered in turn was not silent.
+        marks_after: watchdog
+            .map_or(silent_after, |it| it.max((rounds + 1) * config.period))
+            .min(silent_after),
+        longest_cycle,
+    };
     let process = Process {
         driver: connection.drive_until(shutdown, &state),
-        health: Health::new(bus.count(), silent_after, longest_cycle, Instant::now()),
+        health: Health::new(bus.count(), patience, Instant::now()),
         told: (MotorFault::None, false),
         mark: home.mark,
-        marks_due: [false; TENDONS],
+        marks_due: vec![false; bus.count()],
         slack: config.slack,
         lag_s: config.lag_s,
         answers_by,
@@ -157,9 +168,7 @@ pub fn run(
         cycle: 0,
         goals,
         measured_m,
-        watchdog: Some(u32::from(config.bus_watchdog) * WATCHDOG_MS)
-            .filter(|watchdog_ms| *watchdog_ms > 0)
-            .map(|watchdog_ms| Duration::from_millis(watchdog_ms.into())),
+        watchdog,
         sent: Instant::now(),
         spools,
         bus,
@@ -221,6 +230,7 @@ fn turns(
         }
         took = time_of_a_round(bus, goals, tendons)?;
         if took <= within {
+            bus.expect_answers_within(took);
             let cycles = all.len().div_ceil(at_once);
             let parts = all.chunks(all.len().div_ceil(cycles));
             return Ok(parts.map(<[usize]>::to_vec).collect());
@@ -262,7 +272,7 @@ impl Process {
     fn step(&mut self, targets: &MotorTargets) {
         let begun = Instant::now();
         if self.health.begin_cycle(begun) {
-            self.marks_due = [true; TENDONS];
+            self.marks_due.fill(true);
         }
         let ahead = |k: usize| targets.position_m[k] + self.lag_s * targets.velocity_m_s[k];
         let goals_m = std::array::from_fn(ahead);

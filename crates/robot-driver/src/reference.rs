@@ -5,7 +5,8 @@
 //! and that factor falls so fast that the fastest tendon decelerates at the acceleration limit. A ramp that has begun
 //! is finished: set-points are refused until the robot is at rest, and then only those that begin where it stands.
 //!
-//! No cycle counts for more than [`ReferenceLimits::longest_cycle_ns`]. In a pause of the whole machine nobody can send, so that the controller
+//! No cycle counts for more than [`ReferenceLimits::longest_cycle_ns`], or than the shortest of the last [`USUAL_CYCLES`] where a loop takes longer than
+//! it was set up for. In a pause of the whole machine nobody can send, so that the controller
 //! is not lost, and its next set-point is a short step further; where the driver alone is held up, the controller has gone on, and what it
 //! then sends is too far: a ramp to rest from where the motors are, and no fault of the controller's.
 //!
@@ -24,6 +25,9 @@ pub const FAULT_SILENCE_NS: i64 = 100_000_000;
 /// A set-point may be stamped this far in the future, ns (both ends read the same clock).
 const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
 
+/// Cycles of which the shortest is the usual one of a loop.
+const USUAL_CYCLES: usize = 8;
+
 /// Slack of a step in position and velocity: what the limits allow in this time, s.
 const SLACK_S: f64 = 1e-4;
 
@@ -38,6 +42,8 @@ pub struct Reference {
     ramp: f64,
     position_m: TendonVector,
     stepped_ns: i64,
+    /// How long the last cycles were, the oldest first.
+    cycles_ns: [i64; USUAL_CYCLES],
     /// Cycle time since the last set-point, good or not.
     silent_ns: i64,
     ramps_to_rest: u32,
@@ -65,6 +71,7 @@ impl Reference {
             ramp: if moving { 1.0 } else { 0.0 },
             position_m,
             stepped_ns: now_ns,
+            cycles_ns: [0; USUAL_CYCLES],
             silent_ns: 0,
             ramps_to_rest: u32::from(moving),
             refused: 0,
@@ -73,11 +80,12 @@ impl Reference {
 
     /// One cycle: takes `setpoint` where one arrived, moves on to `now_ns`, and says what the motors are to do.
     pub fn step(&mut self, now_ns: i64, setpoint: Option<&Setpoint>) -> MotorTargets {
+        let counted_ns = self.count_cycle(now_ns);
         if let Some(setpoint) = setpoint {
             // A refusal is kept in mode and counter.
             let _ = self.offer(now_ns, setpoint);
         }
-        self.advance(now_ns);
+        self.go_on(now_ns, counted_ns);
         MotorTargets {
             stamp_ns: now_ns,
             position_m: self.position_m,
@@ -152,12 +160,25 @@ impl Reference {
 
     /// Moves the reference on to `now_ns`.
     pub fn advance(&mut self, now_ns: i64) {
+        let counted_ns = self.count_cycle(now_ns);
+        self.go_on(now_ns, counted_ns);
+    }
+
+    /// Ends a cycle at `now_ns`; how much it counts for, ns.
+    fn count_cycle(&mut self, now_ns: i64) -> i64 {
         let elapsed_ns = (now_ns - self.stepped_ns).max(0);
-        let counted_ns = elapsed_ns.min(self.limits.longest_cycle_ns);
-        let elapsed_s = seconds(counted_ns);
         self.stepped_ns += elapsed_ns;
+        self.cycles_ns.rotate_left(1);
+        self.cycles_ns[USUAL_CYCLES - 1] = elapsed_ns;
+        let usual_ns = self.cycles_ns.iter().copied().min().unwrap_or(0);
+        let counted_ns = elapsed_ns.min(self.limits.longest_cycle_ns.max(usual_ns));
         self.silent_ns += counted_ns;
-        let silent_ns = self.silent_ns;
+        counted_ns
+    }
+
+    /// Moves the reference on to `now_ns` in a cycle that counts for so much.
+    fn go_on(&mut self, now_ns: i64, counted_ns: i64) {
+        let (elapsed_s, silent_ns) = (seconds(counted_ns), self.silent_ns);
         match self.mode {
             Mode::Following if silent_ns > self.limits.lost_after_ns => {
                 self.begin_ramp(Mode::Ramping);

@@ -14,7 +14,7 @@ use super::stop_reason::StopReason;
 use crate::live_scene::{HEARTBEAT_TIMEOUT_NS, UNSUPERVISED_S};
 
 /// Time after which an order is given again while a stop is still wanted, nanoseconds: a controller whose loop is held answers after
-/// 51 ms, and a later order takes the place of one that is not answered.
+/// 51 ms, and a later order takes the place of one that is not answered. So it is where the controller had nothing to stop and says no more.
 const REPEAT_NS: i64 = 60_000_000;
 /// Time after which an order is given again where the controller has answered that it does not stop, nanoseconds.
 const REPEAT_AFTER_REFUSAL_NS: i64 = 5_000_000;
@@ -176,7 +176,7 @@ impl StopOrder {
             }
             Ok(reply) if reply.refusal == CommandRefusal::NothingToDo && is_at_rest(&reply) => {
                 tracing::info!("the controller has nothing to stop");
-                self.again_mono_ns = now_mono_ns.saturating_add(REPEAT_AFTER_REFUSAL_NS);
+                self.again_mono_ns = now_mono_ns.saturating_add(REPEAT_NS);
                 return true;
             }
             Ok(reply) => tracing::debug!("the controller does not stop: {}", reply.reason),

@@ -7,7 +7,9 @@ use shared_types::codes::{CommandSender, GoalState, MotionOutcome, Outcome, Refu
 use shared_types::message::{GoalStatus, ReasonText};
 use shared_types::valid::{Goal, MotionResult, PlanRequest, PreviousPlan, StandingGoal};
 
-use super::kept_goal::{Heading, KeptGoal, PublishedMotion, Target, are_nearby};
+use super::kept_goal::{
+    Heading, KeptGoal, PublishedMotion, SAME_CONFIGURATION_RAD, Target, are_nearby,
+};
 use crate::execution::{HeardOrders, RobotMotion, StopReason, Switch};
 use crate::tip_tolerance::tip_tolerance;
 
@@ -26,8 +28,6 @@ const WORTH_A_CHANGE: f64 = 0.9;
 const GATHERS_SPEED_S: f64 = 0.15;
 /// Share of a tip's tolerance within which a robot at rest stays where it is.
 const AT_REST_SHARE: f64 = 0.1;
-/// Difference from a goal configuration within which a robot at rest stays where it is, rad.
-const SAME_CONFIGURATION_RAD: f64 = 1e-6;
 
 /// What came of a plan to the goal.
 #[derive(Clone, Copy, Debug)]
@@ -220,10 +220,10 @@ impl GoalKeeper {
         if !is_new && now_mono_ns < kept.look_again_mono_ns {
             return None;
         }
-        let has_arrived = kept.arrived_at == Some(target.goal);
         match robot {
             RobotMotion::Holding(configuration)
-                if has_arrived || self.is_at(&target.goal, configuration) =>
+                if kept.still_rests(&target.goal, configuration)
+                    || self.is_at(&target.goal, configuration) =>
             {
                 self.tell(GoalState::Reached, "");
                 None
@@ -332,7 +332,7 @@ impl GoalKeeper {
         let heading = kept.headings.last();
         let heading = heading.filter(|heading| heading.target.is_same(&target));
         match (leaves, heading) {
-            (None, None) if kept.arrived_at == Some(target.goal) => there,
+            (None, None) if kept.has_arrived(&target.goal) => there,
             // The motion has ended meanwhile: its result says where.
             (None, Some(_)) => there,
             (Some(switch), Some(heading))
@@ -393,7 +393,7 @@ impl GoalKeeper {
             return self.tell(GoalState::Underway, "");
         }
         let is_moving = !kept.headings.is_empty();
-        if kept.arrived_at == Some(target.goal) || is_moving && result.says_nothing_of_the_goal() {
+        if kept.has_arrived(&target.goal) || is_moving && result.says_nothing_of_the_goal() {
             return;
         }
         self.tell_failure(result);
@@ -438,7 +438,7 @@ impl GoalKeeper {
                 kept.was_refused = false;
                 return;
             }
-            MotionOutcome::Reached => kept.arrived_at = Some(heading.target.goal),
+            MotionOutcome::Reached => kept.arrive(heading.target.goal),
             _ if is_for_this_goal && ends_the_goal(result) => {
                 return self.end(&result.to_string());
             }

@@ -8,6 +8,8 @@ use super::moving_target::Anticipation;
 /// Longest wait of a robot at rest for the result of its motion, which may be lost, nanoseconds.
 const RESULT_WAIT_NS: i64 = 100_000_000;
 
+/// Difference within which configurations of a robot at rest are the same, rad.
+pub(super) const SAME_CONFIGURATION_RAD: f64 = 1e-6;
 /// Distance of tips nearby, section lengths.
 const NEARBY: f64 = 0.1;
 /// Distance of configurations nearby, rad: where one section bends so much further, its own end moves by half as many section lengths.
@@ -42,6 +44,14 @@ pub(super) struct Heading {
     pub(super) target: Target,
 }
 
+/// A goal that the robot has reached.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Arrival {
+    goal: Goal,
+    /// Where the robot rests, as soon as that is known.
+    rests_at: Option<Configuration>,
+}
+
 /// A goal that was not given up.
 #[derive(Clone, Debug)]
 pub(super) struct KeptGoal {
@@ -56,8 +66,8 @@ pub(super) struct KeptGoal {
     pub(super) rests_since_mono_ns: Option<i64>,
     /// Whether the controller has refused the last motion.
     pub(super) was_refused: bool,
-    /// The goal at which the robot has arrived.
-    pub(super) arrived_at: Option<Goal>,
+    /// The goal that the robot has reached, and has not been away from since.
+    pub(super) arrival: Option<Arrival>,
     pub(super) previous_plan_id: Option<u64>,
     /// Whether the motion that is followed is not certified to its end any more.
     pub(super) is_blocked: bool,
@@ -83,7 +93,7 @@ impl KeptGoal {
             headings: before.map(|before| before.headings).unwrap_or_default(),
             rests_since_mono_ns: None,
             was_refused: false,
-            arrived_at: None,
+            arrival: None,
             previous_plan_id: None,
             is_blocked: false,
             anticipation: Anticipation::default(),
@@ -124,8 +134,36 @@ impl KeptGoal {
         // What was left before this one's own was left is over.
         let left = self.headings.pop();
         self.headings = left.into_iter().chain([heading]).collect();
-        self.arrived_at = None;
+        self.arrival = None;
         self.rests_since_mono_ns = None;
+    }
+
+    /// Notes that a motion to a goal has ended there.
+    pub(super) fn arrive(&mut self, goal: Goal) {
+        self.arrival = Some(Arrival {
+            goal,
+            rests_at: None,
+        });
+    }
+
+    /// Whether the robot has reached this goal, and is not known to have been away from it since.
+    pub(super) fn has_arrived(&self, goal: &Goal) -> bool {
+        self.arrival.is_some_and(|arrival| arrival.goal == *goal)
+    }
+
+    /// Whether a robot that holds this configuration rests where its motion to this goal ended. Elsewhere, as after its driver began anew, it has
+    /// left the goal.
+    pub(super) fn still_rests(&mut self, goal: &Goal, configuration: &Configuration) -> bool {
+        let arrival = self.arrival.as_mut().filter(|it| it.goal == *goal);
+        let Some(arrival) = arrival else {
+            return false;
+        };
+        let rests_at = *arrival.rests_at.get_or_insert(*configuration);
+        let is_there = (rests_at - configuration).amax() <= SAME_CONFIGURATION_RAD;
+        if !is_there {
+            self.arrival = None;
+        }
+        is_there
     }
 
     /// Whether the result of a motion is awaited by a robot that rests; where it does not come the motion is over all the same.

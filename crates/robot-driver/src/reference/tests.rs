@@ -101,19 +101,57 @@ fn slow_cycles_ramp_to_rest_without_a_halt_before() {
         };
         let mut reference = Reference::new(limits, 0, &TendonState::default());
         speed_up(&mut reference, 300);
-        let velocity = reference.velocity_m_s()[0];
-        let mut position = reference.position_m()[0];
-        let mut speed = velocity;
-        for cycle in 1..20 {
-            reference.advance((300 + cycle * period_ms) * MS);
-            let next = reference.position_m()[0];
-            let moved = (next - position) / seconds(period_ms * MS);
-            let most = 0.4 * seconds(period_ms * MS) * 1.001;
-            assert!(moved <= speed + 1e-9 && speed - moved <= most, "{cycle}");
-            (position, speed) = (next, moved);
-        }
-        assert_eq!(reference.mode(), Mode::AtRestAfterLoss);
+        assert_ramps_without_a_halt(reference, 300, period_ms);
     }
+}
+
+/// No set-point comes after so many ms, in cycles of this length.
+fn assert_ramps_without_a_halt(mut reference: Reference, from_ms: i64, period_ms: i64) {
+    let mut position = reference.position_m()[0];
+    let mut speed = reference.velocity_m_s()[0];
+    assert!(speed > 0.05, "the premise: it moves");
+    for cycle in 1..20 {
+        reference.advance((from_ms + cycle * period_ms) * MS);
+        let next = reference.position_m()[0];
+        let moved = (next - position) / seconds(period_ms * MS);
+        let most = 0.4 * seconds(period_ms * MS) * 1.001;
+        assert!(moved <= speed + 1e-9 && speed - moved <= most, "{cycle}");
+        (position, speed) = (next, moved);
+    }
+    assert_eq!(reference.mode(), Mode::AtRestAfterLoss);
+}
+
+/// Follows a constant velocity in cycles of this length until a time.
+fn follow_slowly(reference: &mut Reference, last: &Setpoint, until_ms: i64, period_ms: i64) {
+    for ms in (300 + period_ms..=until_ms).step_by(period_ms as usize) {
+        let mut target = *last;
+        target.stamp_mono_ns = ms * MS;
+        target.acceleration_m_s2 = [0.0; TENDONS];
+        for (position_m, velocity_m_s) in target.position_m.iter_mut().zip(&last.velocity_m_s) {
+            *position_m += velocity_m_s * seconds((ms - 300) * MS);
+        }
+        reference.step(ms * MS, Some(&target));
+        assert_eq!(reference.mode(), Mode::Following, "{ms} ms");
+    }
+}
+
+#[test]
+fn a_loop_that_is_slower_than_it_was_set_up_for_ramps_to_rest_without_a_halt() {
+    let mut reference = at_rest();
+    let last = speed_up(&mut reference, 300);
+    follow_slowly(&mut reference, &last, 400, 10);
+    assert_ramps_without_a_halt(reference, 400, 10);
+}
+
+#[test]
+fn a_set_point_in_a_long_cycle_is_not_lost() {
+    let limits = ReferenceLimits {
+        longest_cycle_ns: 50 * MS,
+        ..LIMITS
+    };
+    let mut reference = Reference::new(limits, 0, &TendonState::default());
+    let last = speed_up(&mut reference, 300);
+    follow_slowly(&mut reference, &last, 500, 25);
 }
 
 #[test]

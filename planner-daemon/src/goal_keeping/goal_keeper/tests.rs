@@ -193,6 +193,25 @@ fn a_goal_is_planned_for_headed_for_and_reached() {
 }
 
 #[test]
+fn a_robot_that_is_found_elsewhere_goes_to_its_goal_again() {
+    let mut bench = Bench::underway();
+    bench
+        .keeper
+        .hear_result(&ended_by(7, MotionOutcome::Reached));
+    let there = RobotMotion::Holding(Configuration::repeat(0.1));
+    assert!(bench.after(100, &there).is_none(), "it stays");
+    assert_eq!(bench.state(), GoalState::Reached);
+    // Its driver ends, and begins anew with the robot where it was moved meanwhile.
+    let starting = busy(LoopState::Starting, LoopFault::None, true);
+    assert!(bench.after(100, &starting).is_none());
+    assert!(bench.after(100, &there).is_none(), "nobody moved it");
+    let request = bench.after(100, &holding()).expect("it was moved");
+    assert_eq!(request.goal, configuration(0.4));
+    bench.publish(8);
+    assert_eq!(bench.state(), GoalState::Underway);
+}
+
+#[test]
 fn a_robot_at_rest_at_its_goal_stays() {
     let robot = unit_robot();
     let at = Configuration::from([0.4, 0.1, -0.3, 0.2, 0.1, 0.5]);
