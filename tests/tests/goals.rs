@@ -370,8 +370,13 @@ fn a_goal_for_a_daemon_that_has_died_is_refused_by_name_and_the_next_daemon_hear
     let mut goal = GoalSender::connect(&stack.world.options).unwrap();
     goal.give(Goal::tip(TIPS_M[0]), 1.0).unwrap();
     goal.confirm(PATIENCE).unwrap();
+    // A recorder hears goals, too, and keeps nobody on its way.
+    let node = IpcNode::create(&stack.world.options, "recorder").unwrap();
+    let _recorder = subscriber(&node, &goal_service(&node).unwrap()).unwrap();
+    assert!(goal.status().unwrap().is_some());
     stack.kill9(Part::Daemon);
     sleep(A_WHILE);
+    assert!(goal.status().unwrap().is_none(), "nobody keeps the goal");
     let refused = goal.give(Goal::tip(TIPS_M[1]), 1.0).unwrap_err();
     assert!(matches!(refused, ClientError::NoServer { .. }), "{refused}");
     stack.start(Part::Daemon);

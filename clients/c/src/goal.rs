@@ -84,7 +84,8 @@ pub extern "C" fn pcc_goal_withdraw(sender: *mut GoalSender) -> i32 {
     or_fail(withdraw(), -1)
 }
 
-/// The newest status of the goal that was given last: 1 and the status, 0 until the daemon has heard it, -1 where it fails.
+/// The newest status of the goal that was given last: 1 and the status, 0 until the daemon has heard it and once
+/// that daemon has ended before the goal, -1 where it fails.
 #[unsafe(no_mangle)]
 pub extern "C" fn pcc_goal_status(sender: *mut GoalSender, status: *mut GoalStatus) -> i32 {
     let newest = || {

@@ -4,10 +4,11 @@ use std::thread;
 use std::time::Duration;
 
 use shared_types::clock::mono_now_ns;
+use shared_types::codes::GoalState;
 use shared_types::ipc::{
-    EventNotifier, IpcNode, IpcOptions, Publisher, Role, Subscriber, Topic, event_notifier,
-    goal_service, goal_status_service, guest_publisher, guest_subscriber, observer_subscriber,
-    plan_asked_event,
+    EventNotifier, IpcNode, IpcOptions, Publisher, Role, RoleHolder, Subscriber, Topic,
+    event_notifier, goal_service, goal_status_service, guest_publisher, guest_subscriber,
+    observer_subscriber, plan_asked_event,
 };
 use shared_types::message;
 use shared_types::valid::{Goal, GoalStatus, StandingGoal};
@@ -27,8 +28,9 @@ const LOOK_INTERVAL: Duration = Duration::from_micros(500);
 #[derive(Debug)]
 pub struct GoalSender {
     goals: Publisher<message::StandingGoal>,
-    topic: Topic<message::StandingGoal>,
     statuses: Subscriber<message::GoalStatus>,
+    /// Where the daemon alone publishes, as soon as it hears goals.
+    daemons: Topic<message::GoalStatus>,
     asked: EventNotifier,
     /// The robot that this program is set up for, if it says.
     robot_hash: Option<u64>,
@@ -36,6 +38,8 @@ pub struct GoalSender {
     sent: Option<StandingGoal>,
     /// The newest status of the goal that was given last.
     latest: Option<GoalStatus>,
+    /// The daemon to which a goal was sent last, where it can be told.
+    daemon: Option<RoleHolder>,
     cleaner: Cleaner,
     node: IpcNode,
 }
@@ -47,15 +51,16 @@ impl GoalSender {
     /// [`ClientError::Ipc`].
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
         let node = IpcNode::create(options, "pcc-goal")?;
-        let topic = goal_service(&node)?;
+        let daemons = goal_status_service(&node)?;
         Ok(Self {
-            goals: guest_publisher(&node, &topic)?,
-            topic,
-            statuses: guest_subscriber(&node, &goal_status_service(&node)?)?,
+            goals: guest_publisher(&node, &goal_service(&node)?)?,
+            statuses: guest_subscriber(&node, &daemons)?,
+            daemons,
             asked: event_notifier(&node, &plan_asked_event(&node)?)?,
             robot_hash: None,
             sent: None,
             latest: None,
+            daemon: None,
             cleaner: Cleaner::new(options, Role::PlannerDaemon),
             node,
         })
@@ -75,8 +80,8 @@ impl GoalSender {
         &mut self,
         timeout: impl Into<TimeLimit<'program>>,
     ) -> Result<(), ClientError> {
-        let topic = &self.topic;
-        let is_heard = || Ok::<_, ClientError>((topic.number_of_subscribers() > 0).then_some(()));
+        let daemons = &self.daemons;
+        let is_heard = || Ok::<_, ClientError>((daemons.number_of_publishers() > 0).then_some(()));
         let pause = |left: Duration| thread::sleep(LOOK_INTERVAL.min(left));
         let limit = timeout.into();
         let heard = wait(&limit, &mut self.cleaner, &self.node, pause, is_heard)?;
@@ -148,12 +153,15 @@ impl GoalSender {
         }
         sent?;
         self.sent = Some(goal);
+        if !self.daemon.as_ref().is_some_and(RoleHolder::lives) {
+            self.daemon = RoleHolder::find(self.node.options(), Role::PlannerDaemon);
+        }
         Ok(())
     }
 
     /// Sends a goal to the daemon that is there.
     fn send_wire(&self, wire: message::StandingGoal) -> Result<(), ClientError> {
-        if self.topic.number_of_subscribers() == 0 {
+        if self.daemons.number_of_publishers() == 0 {
             return Err(ClientError::NoServer {
                 server: DAEMON,
                 waited: Duration::ZERO,
@@ -168,12 +176,18 @@ impl GoalSender {
         Ok(())
     }
 
-    /// The newest status of the goal that was given last; none until the daemon has heard it.
+    /// The newest status of the goal that was given last; none until the daemon has heard it, and none once that daemon has ended before the goal:
+    /// the robot stops then, and the next daemon does not know the goal.
     ///
     /// # Errors
     /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
     pub fn status(&mut self) -> Result<Option<GoalStatus>, ClientError> {
-        take_in(&self.statuses, self.sent, &mut self.latest)
+        take_in(
+            &self.statuses,
+            self.sent,
+            &mut self.latest,
+            self.daemon.as_ref(),
+        )
     }
 
     /// Waits until the goal's status is one that is waited for, at most for `timeout`; none where it was not.
@@ -188,8 +202,9 @@ impl GoalSender {
         let pause = |left: Duration| thread::sleep(LOOK_INTERVAL.min(left));
         let limit = timeout.into();
         let (statuses, sent, latest) = (&self.statuses, self.sent, &mut self.latest);
+        let daemon = self.daemon.as_ref();
         wait(&limit, &mut self.cleaner, &self.node, pause, || {
-            let status = take_in(statuses, sent, latest)?;
+            let status = take_in(statuses, sent, latest, daemon)?;
             Ok(status.filter(|status| is_waited_for(status)))
         })
     }
@@ -214,11 +229,12 @@ impl GoalSender {
     }
 }
 
-/// Takes in the statuses that have arrived; returns the newest one of the goal that was given last.
+/// Takes in the statuses that have arrived; returns the newest one of the goal that was given last, unless the daemon that kept it has ended.
 fn take_in(
     statuses: &Subscriber<message::GoalStatus>,
     sent: Option<StandingGoal>,
     latest: &mut Option<GoalStatus>,
+    daemon: Option<&RoleHolder>,
 ) -> Result<Option<GoalStatus>, ClientError> {
     let given_mono_ns = sent.map_or(0, |sent| sent.given_mono_ns);
     while let Some(sample) = receive(|| statuses.receive())? {
@@ -226,6 +242,10 @@ fn take_in(
         if status.values.given_mono_ns == given_mono_ns {
             *latest = Some(status);
         }
+    }
+    let is_kept = |it: &GoalStatus| !matches!(it.state, GoalState::Ended | GoalState::Refused);
+    if latest.as_ref().is_some_and(is_kept) && daemon.is_some_and(|daemon| !daemon.lives()) {
+        *latest = None;
     }
     Ok(*latest)
 }

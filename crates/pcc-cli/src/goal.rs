@@ -70,6 +70,9 @@ fn next_change(goal: &mut GoalSender, told: &GoalStatus) -> anyhow::Result<GoalS
         if let Some(status) = goal.wait_for(LOOK_INTERVAL, is_news)? {
             return Ok(status);
         }
+        if goal.status()?.is_none() {
+            bail!("the planner-daemon has ended, and the goal with it: the robot stops");
+        }
     }
 }
 

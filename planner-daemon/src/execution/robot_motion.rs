@@ -48,6 +48,11 @@ impl RobotMotion {
     pub(crate) fn why_not_ready(&self) -> Option<String> {
         match self {
             Self::Holding(_) | Self::Following(_) => None,
+            Self::Busy {
+                state: LoopState::Holding,
+                passes: true,
+                ..
+            } => Some("the controller waits for the begin of a motion".to_owned()),
             Self::Busy { state, fault, .. } => {
                 Some(format!("the controller is {state} (fault: {fault})"))
             }

@@ -190,6 +190,7 @@ impl GoalKeeper {
         }
         let has_jumped = self.has_jumped();
         let kept = self.kept.as_mut()?;
+        let is_long_busy = kept.is_long_busy(robot, now_mono_ns);
         if is_planning || now_mono_ns < kept.next_plan_mono_ns(has_jumped) {
             return None;
         }
@@ -232,7 +233,7 @@ impl GoalKeeper {
             RobotMotion::Holding(_) | RobotMotion::Following(_) => {
                 self.plan(target, has_jumped, now_mono_ns)
             }
-            RobotMotion::Busy { passes: true, .. } => None,
+            RobotMotion::Busy { passes: true, .. } if !is_long_busy => None,
             RobotMotion::Busy { .. } | RobotMotion::Unknown => {
                 let reason = robot.why_not_ready().unwrap_or_default();
                 self.tell(GoalState::RobotNotReady, &reason);
@@ -321,13 +322,9 @@ impl GoalKeeper {
     /// Whether the motion of a plan to the goal is to be executed: not where the goal was given up meanwhile, and not where it leaves one
     /// to the same goal that is nearly as fast.
     pub(crate) fn wants(&self, leaves: Option<&Switch>, duration_s: f64) -> Wanted {
-        let given = |kept: &KeptGoal| kept.newest.given_mono_ns;
-        let Some((kept, target)) = self.kept.as_ref().zip(self.planned_for) else {
+        let Some((kept, target)) = self.pursued() else {
             return Wanted::GivenUp;
         };
-        if target.given_mono_ns != given(kept) || self.is_over() || self.is_overtaken {
-            return Wanted::GivenUp;
-        }
         let there = Wanted::NoBetter { remaining_s: 0.0 };
         let heading = kept.headings.last();
         let heading = heading.filter(|heading| heading.target.is_same(&target));
@@ -346,6 +343,18 @@ impl GoalKeeper {
             }
             _ => Wanted::Yes,
         }
+    }
+
+    /// Whether the plan in work is for the goal as it is: neither given up, nor replaced, nor elsewhere.
+    pub(crate) fn wants_plan_in_work(&self) -> bool {
+        self.pursued().is_some()
+    }
+
+    /// The goal, and what the plan in work is made for, where that is still wanted.
+    fn pursued(&self) -> Option<(&KeptGoal, Target)> {
+        let (kept, target) = self.kept.as_ref().zip(self.planned_for)?;
+        let is_of_goal = target.given_mono_ns == kept.newest.given_mono_ns;
+        (is_of_goal && !self.is_over() && !self.is_overtaken).then_some((kept, target))
     }
 
     /// Hears of the motion of the plan in work, which may not be complete yet.

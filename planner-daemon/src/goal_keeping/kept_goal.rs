@@ -4,10 +4,13 @@ use pcc_model::{Configuration, UnitRobot};
 use shared_types::valid::{Goal, StandingGoal};
 
 use super::moving_target::Anticipation;
+use crate::execution::RobotMotion;
 
 /// Longest wait of a robot at rest for the result of its motion, which may be lost, nanoseconds.
 const RESULT_WAIT_NS: i64 = 100_000_000;
 
+/// Longest time in which a robot is about to be ready, nanoseconds.
+const BUSY_WAIT_NS: i64 = 100_000_000;
 /// Difference within which configurations of a robot at rest are the same, rad.
 pub(super) const SAME_CONFIGURATION_RAD: f64 = 1e-6;
 /// Distance of tips nearby, section lengths.
@@ -64,6 +67,8 @@ pub(super) struct KeptGoal {
     pub(super) headings: Vec<Heading>,
     /// Since when the robot rests although no result of the newest motion was heard, nanoseconds.
     pub(super) rests_since_mono_ns: Option<i64>,
+    /// Since when the robot has been about to be ready, nanoseconds.
+    busy_since_mono_ns: Option<i64>,
     /// Whether the controller has refused the last motion.
     pub(super) was_refused: bool,
     /// The goal that the robot has reached, and has not been away from since.
@@ -92,6 +97,7 @@ impl KeptGoal {
             last_goal: None,
             headings: before.map(|before| before.headings).unwrap_or_default(),
             rests_since_mono_ns: None,
+            busy_since_mono_ns: None,
             was_refused: false,
             arrival: None,
             previous_plan_id: None,
@@ -136,6 +142,16 @@ impl KeptGoal {
         self.headings = left.into_iter().chain([heading]).collect();
         self.arrival = None;
         self.rests_since_mono_ns = None;
+    }
+
+    /// Whether a robot that is about to be ready has been so for longer than that takes.
+    pub(super) fn is_long_busy(&mut self, robot: &RobotMotion, now_mono_ns: i64) -> bool {
+        if !matches!(robot, RobotMotion::Busy { passes: true, .. }) {
+            self.busy_since_mono_ns = None;
+            return false;
+        }
+        let since = *self.busy_since_mono_ns.get_or_insert(now_mono_ns);
+        now_mono_ns - since > BUSY_WAIT_NS
     }
 
     /// Notes that a motion to a goal has ended there.

@@ -35,8 +35,8 @@ struct Start {
 }
 
 impl Service {
-    /// Hands the next request over to planning, if that is idle and the request's start is known: beside one that waits for the robot, those
-    /// that begin elsewhere.
+    /// Hands the next request over to planning, if that is idle and the request's start is known: beside a client's that waits for the robot,
+    /// those that begin elsewhere.
     pub(super) fn begin_next(&mut self) -> bool {
         if self.in_flight.is_some() {
             return false;
@@ -310,7 +310,8 @@ impl Service {
             answer.tell_that_it_made_way();
         }
         answer.set_plan(plan_id, &in_flight.begin, in_flight.waited);
-        answer.set_dependence(in_flight.depends_on, task.problem.start);
+        let start = in_flight.begin.start().unwrap_or(task.problem.start);
+        answer.set_dependence(in_flight.depends_on, start);
         let published = match in_flight.executed.take() {
             Some(executed) => {
                 answer.select_draw(executed.candidate.draw);
@@ -318,9 +319,11 @@ impl Service {
             }
             None => self.execute_answered(&mut in_flight, &answer),
         };
+        let is_published = matches!(published, Some(Ok(_)));
         if let Some(published) = published {
             if let Err(refusal) = &published
                 && let Some(attempt) = in_flight.made_again(refusal)
+                && self.is_still_wanted(&in_flight.queued.asker)
             {
                 tracing::info!("plan {plan_id} is made again: {refusal}");
                 self.begin(in_flight.queued, attempt);
@@ -329,7 +332,20 @@ impl Service {
             answer.report_execution(published.map_err(|refusal| refusal.to_string()));
         }
         self.send(&mut answer, &in_flight.queued.asker);
-        self.plans.keep(kept(&in_flight, answer));
+        let plan = kept(&in_flight, answer);
+        match &in_flight.queued.asker {
+            Asker::GoalKeeper(_) if is_published => self.plans.keep_to_goal(plan),
+            Asker::GoalKeeper(_) => {}
+            Asker::Client(_) => self.plans.keep(plan),
+        }
+    }
+
+    /// Whether a plan is still wanted where it was to lead to.
+    fn is_still_wanted(&self, asker: &Asker) -> bool {
+        match asker {
+            Asker::Client(_) => true,
+            Asker::GoalKeeper(_) => self.goal.keeper.wants_plan_in_work(),
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use pcc_model::Configuration;
 use planning::{Candidate, PreviousPlan, Via, WAYPOINTS};
 use shared_types::capacity::RECENT_PLANS;
 use shared_types::codes::{MotionStart, PlanField};
@@ -39,6 +40,14 @@ impl PlanBegin {
         }
     }
 
+    /// The configuration at the switch from the motion that is followed, where there is one.
+    pub(super) fn start(&self) -> Option<Configuration> {
+        match self {
+            Self::AtSwitch(switch) => Some(switch.state.position),
+            Self::AtRest { .. } | Self::InGivenMotion => None,
+        }
+    }
+
     /// How an answer tells it.
     pub(super) fn motion_start(&self) -> MotionStart {
         match self {
@@ -62,10 +71,12 @@ pub(crate) struct KeptPlan {
     pub(crate) summaries: Vec<CandidateSummary>,
 }
 
-/// The last [`RECENT_PLANS`] plans that had candidates, and at most one older one until it is freed.
+/// The last [`RECENT_PLANS`] plans of clients that had candidates, and the last one whose motion to the goal that stays was published; at most one
+/// older one of each until it is freed.
 #[derive(Debug, Default)]
 pub(crate) struct RecentPlans {
     plans: VecDeque<KeptPlan>,
+    to_goal: VecDeque<KeptPlan>,
 }
 
 impl RecentPlans {
@@ -76,10 +87,17 @@ impl RecentPlans {
         }
     }
 
-    /// Frees plans older than the last [`RECENT_PLANS`]; while the next plan is made that delays no answer.
+    /// Keeps a plan whose motion to the goal that stays was published. Such plans are many, and take no place of clients' plans.
+    pub(crate) fn keep_to_goal(&mut self, plan: KeptPlan) {
+        self.to_goal.push_back(plan);
+    }
+
+    /// Frees plans older than the last [`RECENT_PLANS`], or than the last one to the goal that stays; while the next plan is made that delays no answer.
     pub(crate) fn free_older(&mut self) {
-        let older = self.plans.len().saturating_sub(RECENT_PLANS);
-        self.plans.drain(..older);
+        for (plans, most) in [(&mut self.plans, RECENT_PLANS), (&mut self.to_goal, 1)] {
+            let older = plans.len().saturating_sub(most);
+            plans.drain(..older);
+        }
     }
 
     /// Whether a request can go on from a plan.
@@ -117,11 +135,12 @@ impl RecentPlans {
     /// The plan that is named, which has the candidate if one is named, too.
     fn find(&self, named: &valid::PreviousPlan) -> Result<&KeptPlan, Refusal> {
         let id = named.plan_id;
-        let mut last = self.plans.iter().rev().take(RECENT_PLANS);
+        let last = self.plans.iter().rev().take(RECENT_PLANS);
+        let mut last = last.chain(self.to_goal.back());
         let known = last.find(|plan| plan.plan_id == id);
         let known = known.ok_or_else(|| {
             let reason = format!(
-                "previous_plan_id {id} is none of the last {RECENT_PLANS} plans with candidates"
+                "previous_plan_id {id} is none of the last {RECENT_PLANS} plans of clients with candidates"
             );
             Refusal::field(PlanField::PreviousPlan, reason)
         })?;
@@ -203,6 +222,20 @@ mod tests {
             assert_eq!(refusal.field, field);
             assert!(refusal.reason.contains(text), "{}", refusal.reason);
         }
+    }
+
+    #[test]
+    fn plans_to_the_goal_that_stays_take_no_place_of_others() {
+        let mut plans = RecentPlans::default();
+        plans.keep(plan(1, 2, Some(0)));
+        for id in 2..=2 * RECENT_PLANS as u64 {
+            plans.keep_to_goal(plan(id, 2, Some(0)));
+            plans.free_older();
+        }
+        let last = 2 * RECENT_PLANS as u64;
+        assert!(plans.has(&named(1, None)) && plans.has(&named(last, None)));
+        assert!(!plans.has(&named(last - 1, None)));
+        assert_eq!(plans.to_goal.len(), 1);
     }
 
     #[test]

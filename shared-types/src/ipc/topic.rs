@@ -249,6 +249,12 @@ impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
         });
     }
 
+    /// Number of publishers, dead ones that were not cleaned up included.
+    #[must_use]
+    pub fn number_of_publishers(&self) -> usize {
+        self.service.dynamic_config().number_of_publishers()
+    }
+
     /// Number of subscribers, dead ones that were not cleaned up included.
     #[must_use]
     pub fn number_of_subscribers(&self) -> usize {

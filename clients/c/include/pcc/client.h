@@ -364,7 +364,8 @@ int32_t pcc_goal_move(PccGoalSender *sender,
 int32_t pcc_goal_withdraw(PccGoalSender *sender);
 
 /*
- The newest status of the goal that was given last: 1 and the status, 0 until the daemon has heard it, -1 where it fails.
+ The newest status of the goal that was given last: 1 and the status, 0 until the daemon has heard it and once
+ that daemon has ended before the goal, -1 where it fails.
  */
 int32_t pcc_goal_status(PccGoalSender *sender,
                         PccGoalStatus *status);

@@ -204,6 +204,9 @@ fn a_robot_that_is_found_elsewhere_goes_to_its_goal_again() {
     // Its driver ends, and begins anew with the robot where it was moved meanwhile.
     let starting = busy(LoopState::Starting, LoopFault::None, true);
     assert!(bench.after(100, &starting).is_none());
+    assert_eq!(bench.state(), GoalState::Reached, "it may be there at once");
+    assert!(bench.after(101, &starting).is_none());
+    assert_eq!(bench.state(), GoalState::RobotNotReady);
     assert!(bench.after(100, &there).is_none(), "nobody moved it");
     let request = bench.after(100, &holding()).expect("it was moved");
     assert_eq!(request.goal, configuration(0.4));

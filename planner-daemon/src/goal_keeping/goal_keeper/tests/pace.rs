@@ -155,7 +155,9 @@ fn a_plan_in_work_is_given_up_for_a_goal_that_has_jumped() {
         !bench.keeper.overtakes(false, bench.now + 19 * MS),
         "too soon"
     );
+    assert!(bench.keeper.wants_plan_in_work());
     assert!(bench.keeper.overtakes(false, bench.now + 20 * MS));
+    assert!(!bench.keeper.wants_plan_in_work(), "it is not made again");
     assert!(
         !bench.keeper.overtakes(false, bench.now + 21 * MS),
         "it is already"
