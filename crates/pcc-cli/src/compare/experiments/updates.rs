@@ -1,4 +1,4 @@
-//! Success of the paper's model against the updates of its training, as it was measured on the checkpoints of the committed weights.
+//! Success of the paper's model against the updates of its training, as it was measured on checkpoints up to the committed weights and beyond.
 
 use super::figure::{Figure, Picture};
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
