@@ -35,29 +35,27 @@ impl Anytime {
     /// meanwhile.
     pub fn attempt(self, query: &Query, rng: &mut Pcg64) -> Option<Vec<Configuration>> {
         let begun = Instant::now();
-        let parts = MARGINS.len() as u32;
-        self.search(query, rng, &|part, has_path| {
-            let part = if has_path { parts } else { part };
-            begun.elapsed() >= BUDGET * part / parts
+        self.search(query, rng, &|share| {
+            begun.elapsed() >= BUDGET.mul_f64(share)
         })
     }
 
-    /// One attempt until its time is over. The first argument of `is_over` is the number of the margin that is tried, from 1; the second is whether
-    /// it has led to a path.
+    /// One attempt. `is_over` says whether a share of its time is over: each margin has an equal part for a first path, and with one all of it.
     fn search(
         self,
         query: &Query,
         rng: &mut Pcg64,
-        is_over: &dyn Fn(u32, bool) -> bool,
+        is_over: &dyn Fn(f64) -> bool,
     ) -> Option<Vec<Configuration>> {
-        let parts = (1..).zip(MARGINS);
+        let parts = (1..).map(f64::from).zip(MARGINS);
         let mut paths = parts.map(|(part, margin)| {
             let robot = query.robot.with_tube_padding(&[margin; SECTIONS]);
             let query = Query {
                 robot: &robot,
                 ..*query
             };
-            let is_over = |has_path| is_over(part, has_path);
+            let share = part / MARGINS.len() as f64;
+            let is_over = |has_path| is_over(if has_path { 1.0 } else { share });
             let attempt = Attempt::new(&query, &is_over, rng)?;
             match self {
                 Self::RrtStar => rrt_star::path(&attempt, rng),
@@ -78,16 +76,14 @@ mod tests {
     use std::cell::Cell;
 
     /// Looks at the clock after which a test's attempt is over.
-    const LOOKS: usize = 4000;
+    const LOOKS: f64 = 4000.0;
 
     /// A path by as much work on every machine.
     fn found(planner: Anytime, query: &Query, seed: u128) -> Vec<Configuration> {
-        let looks = Cell::new(0);
-        let is_over = |part: u32, has_path: bool| {
-            looks.set(looks.get() + 1);
-            let parts = MARGINS.len();
-            let part = if has_path { parts } else { part as usize };
-            looks.get() > LOOKS * part / parts
+        let looks = Cell::new(0.0);
+        let is_over = |share: f64| {
+            looks.set(looks.get() + 1.0);
+            looks.get() > LOOKS * share
         };
         let path = planner.search(query, &mut Pcg64::new(seed, 1), &is_over);
         path.unwrap()

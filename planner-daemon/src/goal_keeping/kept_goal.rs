@@ -49,7 +49,7 @@ pub(super) struct Heading {
 
 /// A goal that the robot has reached.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Arrival {
+struct Arrival {
     goal: Goal,
     /// Where the robot rests, as soon as that is known.
     rests_at: Option<Configuration>,
@@ -72,7 +72,7 @@ pub(super) struct KeptGoal {
     /// Whether the controller has refused the last motion.
     pub(super) was_refused: bool,
     /// The goal that the robot has reached, and has not been away from since.
-    pub(super) arrival: Option<Arrival>,
+    arrival: Option<Arrival>,
     pub(super) previous_plan_id: Option<u64>,
     /// Whether the motion that is followed is not certified to its end any more.
     pub(super) is_blocked: bool,

@@ -80,10 +80,11 @@ impl Arguments {
             !planners.contains(&proposed),
             "--planners has {proposed}, whose paths are another program's: pcc evaluate takes them"
         );
-        let (against, planners) = (name_of(&self.against), planners.join(", "));
+        let against = name_of(&self.against);
         ensure!(
-            self.planners().contains(&self.against),
-            "--against {against} is none of the planners that are compared: {planners}"
+            planners.contains(&against),
+            "--against {against} is none of the planners that are compared: {}",
+            planners.join(", ")
         );
         Ok(())
     }
