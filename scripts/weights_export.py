@@ -55,6 +55,7 @@ def manifest_entry(name, file, metadata):
         "bytes": len(content),
         "architecture": metadata["architecture"],
         "description": metadata["recipe"],
+        "training_seeds": sorted({made["seed"] for made in json.loads(metadata.get("data", "[]"))}),
         "updates": int(metadata["updates"]),
         "training_seconds": int(metadata["training_seconds"]),
         "measured": json.loads(metadata["measured"]),

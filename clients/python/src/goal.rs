@@ -47,7 +47,8 @@ impl Goal {
         self.0.withdraw().map_err(raised)
     }
 
-    /// What becomes of the goal that was given last, and why; None until the daemon has heard it.
+    /// What becomes of the goal that was given last, and why; None until the daemon has heard it, and
+    /// again once that daemon has ended before the goal.
     fn status(&mut self) -> PyResult<Option<(&'static str, String)>> {
         let status = self.0.status().map_err(raised)?;
         Ok(status.map(|status| (status.state.text(), status.values.reason.to_string())))

@@ -153,15 +153,14 @@ impl LoopStep {
             };
             let outcome = self.outcome(result);
             self.answer(Answer::Order { id, outcome });
-            self.give_back();
         }
     }
 
     /// Obeys stops, after trajectories and orders: a stop also ends a motion that arrived while the loop was held up. While the threads end, nobody
-    /// orders any more: nothing is to begin then.
+    /// orders any more, and nothing is to begin.
     fn take_stops(&mut self) {
-        if self.link.shared.is_quitting() && self.executive.stop(StopOrigin::Shutdown).is_ok() {
-            self.give_back();
+        if self.link.shared.is_quitting() {
+            let _ = self.executive.stop(StopOrigin::Shutdown);
         }
         let up_to = self.link.shared.stops();
         if up_to == self.stops_seen {
@@ -172,7 +171,6 @@ impl LoopStep {
         let result = self.executive.stop(origin);
         let outcome = self.outcome(result);
         self.answer(Answer::Stops { up_to, outcome });
-        self.give_back();
     }
 
     /// What has ordered the first of the stops up to this number that were not obeyed yet.

@@ -146,17 +146,23 @@ impl GoalSender {
     fn send(&mut self, goal: StandingGoal) -> Result<(), ClientError> {
         let wire = goal.to_wire();
         StandingGoal::try_from(&wire).map_err(ClientError::InvalidRequest)?;
+        self.look_for_daemon();
         let mut sent = self.send_wire(wire);
         // A daemon that is found dead may have been the only one that heard it.
         if self.cleaner.clean_if_due(&self.node) {
+            self.look_for_daemon();
             sent = self.send_wire(wire);
         }
         sent?;
         self.sent = Some(goal);
+        Ok(())
+    }
+
+    /// Notes the daemon that is to hear a goal, before it does: the one that is there afterwards may be another.
+    fn look_for_daemon(&mut self) {
         if !self.daemon.as_ref().is_some_and(RoleHolder::lives) {
             self.daemon = RoleHolder::find(self.node.options(), Role::PlannerDaemon);
         }
-        Ok(())
     }
 
     /// Sends a goal to the daemon that is there.

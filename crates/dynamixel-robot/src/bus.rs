@@ -19,7 +19,7 @@ const SYNC_READ: u8 = 0x82;
 const STATUS_OVERHEAD: u32 = 11;
 /// Time that adapter and system add to a read outside the loop, and at least to one within it.
 const SLACK_OF_A_READ: Duration = Duration::from_millis(10);
-const SLACK_IN_THE_LOOP: Duration = Duration::from_millis(2);
+pub(crate) const SLACK_IN_THE_LOOP: Duration = Duration::from_millis(2);
 /// Deadline of a read that does not wait: `serial2` waits for its whole milliseconds, and `dynamixel2` does not read behind a deadline.
 const LOOK: Duration = Duration::from_micros(500);
 /// Bits on the line for each byte.
@@ -156,11 +156,13 @@ impl ServoBus {
         Ok(read)
     }
 
-    /// So many bytes of one servo; none where it does not answer as soon as servos do: their watchdogs must not trip meanwhile.
+    /// So many bytes of one servo; none where it does not answer as soon as a round of servos does, nor until this instant: watchdogs must not trip
+    /// meanwhile.
     pub(crate) fn try_read<const BYTES: usize>(
         &mut self,
         tendon: usize,
         register: u16,
+        until: Option<Instant>,
     ) -> Option<[u8; BYTES]> {
         let id = self.ids[tendon];
         let encode = |packet: &mut [u8]| {
@@ -169,7 +171,8 @@ impl ServoBus {
         };
         self.bus.write_instruction(id, READ, 4, encode).ok()?;
         let on_the_line = self.time_of(14 + STATUS_OVERHEAD + BYTES as u32);
-        let deadline = Instant::now() + on_the_line + self.slack;
+        let answers_by = Instant::now() + on_the_line + self.slack;
+        let deadline = until.map_or(answers_by, |it| it.min(answers_by));
         let mut bytes = None;
         hear(&mut self.bus, deadline, |answer| {
             let Some(answer) = answer else {
@@ -453,10 +456,10 @@ mod tests {
                 let [asked, late] = STATES;
                 servos.write_all([late, asked].as_flattened()).unwrap();
             });
-            let state = bus.try_read::<{ STATE_BYTES as usize }>(0, PRESENT_STATE);
+            let state = bus.try_read::<{ STATE_BYTES as usize }>(0, PRESENT_STATE, None);
             assert_eq!(state, Some([0; STATE_BYTES as usize]));
         });
-        assert_eq!(bus.try_read::<1>(0, PRESENT_STATE), None);
+        assert_eq!(bus.try_read::<1>(0, PRESENT_STATE, None), None);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use shared_types::codes::MotorFault;
 /// Time for which a tendon may be slack: a motion that gives way fast is no loss of tension.
 const SLACK_FOR: Duration = Duration::from_millis(200);
 
-/// How long is waited for what.
+/// Times of silence, and what each of them means.
 #[derive(Clone, Copy)]
 pub(crate) struct Patience {
     /// Time without an answer after which a servo is silent.

@@ -11,7 +11,7 @@ use shared_types::codes::MotorFault;
 use shared_types::ipc::{IpcError, IpcOptions};
 use tracing::{info, warn};
 
-use crate::bus::{BusError, ServoBus, ServoState};
+use crate::bus::{BusError, SLACK_IN_THE_LOOP, ServoBus, ServoState};
 use crate::config::DynamixelConfig;
 use crate::health::{Health, Patience};
 use crate::home::Home;
@@ -82,7 +82,8 @@ struct Process {
     /// The fault that the log was told, and whether watchdogs had tripped then.
     told: (MotorFault, bool),
     mark: u32,
-    /// Servos that were silent and whose marks and watchdogs have not been read since: they may have been without power, or have heard nothing.
+    /// Servos that were not heard for longer than their watchdog waits, and whose marks and watchdogs have not been read since: they may have been
+    /// without power, or have heard nothing.
     marks_due: Vec<bool>,
     slack: u16,
     lag_s: f64,
@@ -322,8 +323,9 @@ impl Process {
         });
     }
 
-    /// Reads what a servo that was silent has forgotten, and whether its watchdog has tripped.
+    /// Reads what a servo that was not heard may have forgotten, and whether its watchdog has tripped.
     fn look_at_marks(&mut self) {
+        let until = self.watchdog.map(|it| self.sent + it - SLACK_IN_THE_LOOP);
         let Self {
             bus,
             health,
@@ -333,8 +335,8 @@ impl Process {
         // An answer that is lost is asked for again in the next cycle; a line that is lost says so when goals are written.
         let due = marks_due.iter().position(|is_due| *is_due);
         if let Some(tendon) = due
-            && let Some(mark) = bus.try_read(tendon, SCRATCH)
-            && let Some([watchdog]) = bus.try_read(tendon, BUS_WATCHDOG)
+            && let Some(mark) = bus.try_read(tendon, SCRATCH, until)
+            && let Some([watchdog]) = bus.try_read(tendon, BUS_WATCHDOG, until)
         {
             marks_due[tendon] = false;
             if u32::from_le_bytes(mark) != self.mark {

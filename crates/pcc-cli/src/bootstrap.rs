@@ -11,8 +11,11 @@ use std::collections::BTreeMap;
 const RESAMPLES: u64 = 1000;
 /// Tails that are cut off on both sides.
 const TAIL: f64 = 0.025;
+/// Targets below which there are no bounds: a sign that so few agree in is chance too often (all of five do in 2 × 2⁻⁵ of cases without a
+/// difference).
+const FEWEST_TARGETS: usize = 6;
 
-/// A figure with its 95 % interval; without a value where no case has one, and without bounds where the cases have fewer than two targets.
+/// A figure with its 95 % interval; without a value where no case has one, and without bounds where the cases have fewer than six targets.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct Interval {
     pub(crate) value: Option<f64>,
@@ -46,7 +49,10 @@ pub(crate) fn interval<T: Sync>(
         let drawn = (0..targets.len()).map(|_| &targets[rng.random_range(0..targets.len())]);
         figure(&drawn.flatten().copied().collect::<Vec<_>>())
     };
-    let resamples = 0..if targets.len() < 2 { 0 } else { RESAMPLES };
+    let resamples = match targets.len() < FEWEST_TARGETS {
+        true => 0..0,
+        false => 0..RESAMPLES,
+    };
     let mut values: Vec<f64> = resamples.into_par_iter().filter_map(resample).collect();
     values.sort_by(f64::total_cmp);
     let at = |share: f64| {

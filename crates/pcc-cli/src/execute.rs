@@ -21,7 +21,7 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 /// Arguments of `pcc execute`.
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// The plan's number, as pcc plan prints it; the daemon has its last 16 plans.
+    /// The plan's number, as pcc plan prints it; the daemon has the last 16 of its clients, and the goal's last.
     #[arg(value_parser = number::whole(1, u64::MAX))]
     plan_id: u64,
     /// The candidate, as the table of pcc plan shows it; without it, the selected one.

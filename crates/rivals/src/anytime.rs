@@ -31,7 +31,7 @@ pub enum Anytime {
 impl Anytime {
     /// One attempt: the corners of certified edges (radians) along which the shortest tip path that was found in time leads; none where none was.
     ///
-    /// It takes 50 ms, or none where no goal configuration is found. Its parallel parts go to the pool of the thread, which is to have no other work
+    /// It takes 50 ms; more where goal configurations with smaller margins are not found until then, and less where there are none. Its parallel parts go to the pool of the thread, which is to have no other work
     /// meanwhile.
     pub fn attempt(self, query: &Query, rng: &mut Pcg64) -> Option<Vec<Configuration>> {
         let begun = Instant::now();
@@ -88,6 +88,7 @@ mod tests {
         let path = planner.search(query, &mut Pcg64::new(seed, 1), &is_over);
         path.unwrap()
     }
+
     #[test]
     fn paths_lead_along_certified_edges_to_the_target() {
         let robot = unit_robot();

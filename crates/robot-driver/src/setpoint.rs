@@ -25,7 +25,7 @@ pub struct ReferenceLimits {
     pub allowance: f64,
     /// Time without a set-point after which the ramp to rest begins, ns.
     pub lost_after_ns: i64,
-    /// The most that one cycle counts, ns: a longer one is a pause of the whole machine or of the driver.
+    /// The most that one cycle counts, ns, unless the last eight were longer: a longer one is a pause of the whole machine or of the driver.
     pub longest_cycle_ns: i64,
 }
 

@@ -14,7 +14,7 @@ use super::stop_reason::StopReason;
 use crate::live_scene::{HEARTBEAT_TIMEOUT_NS, UNSUPERVISED_S};
 
 /// Time after which an order is given again while a stop is still wanted, nanoseconds: a controller whose loop is held answers after
-/// 51 ms, and a later order takes the place of one that is not answered. So it is where the controller had nothing to stop and says no more.
+/// 51 ms, and a later order takes the place of one that is not answered. A stop for which the controller has nothing to stop is not answered either.
 const REPEAT_NS: i64 = 60_000_000;
 /// Time after which an order is given again where the controller has answered that it does not stop, nanoseconds.
 const REPEAT_AFTER_REFUSAL_NS: i64 = 5_000_000;

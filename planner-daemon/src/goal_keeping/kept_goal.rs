@@ -1,6 +1,7 @@
 //! The goal that counts, and the motions to it.
 
 use pcc_model::{Configuration, UnitRobot};
+use shared_types::codes::LoopState;
 use shared_types::valid::{Goal, StandingGoal};
 
 use super::moving_target::Anticipation;
@@ -144,9 +145,19 @@ impl KeptGoal {
         self.rests_since_mono_ns = None;
     }
 
-    /// Whether a robot that is about to be ready has been so for longer than that takes.
+    /// Whether a robot that is about to be ready has been so for longer than that takes. One that follows a motion until another one joins may take
+    /// as long as a pause, or as a low speed, has it.
     pub(super) fn is_long_busy(&mut self, robot: &RobotMotion, now_mono_ns: i64) -> bool {
-        if !matches!(robot, RobotMotion::Busy { passes: true, .. }) {
+        let RobotMotion::Busy {
+            state,
+            passes: true,
+            ..
+        } = robot
+        else {
+            self.busy_since_mono_ns = None;
+            return false;
+        };
+        if *state == LoopState::Executing {
             self.busy_since_mono_ns = None;
             return false;
         }
@@ -167,7 +178,7 @@ impl KeptGoal {
         self.arrival.is_some_and(|arrival| arrival.goal == *goal)
     }
 
-    /// Whether a robot that holds this configuration rests where its motion to this goal ended. Elsewhere, as after its driver began anew, it has
+    /// Whether a robot that holds this configuration rests where it was first seen to hold after its motion to this goal. Elsewhere, as after its driver began anew, it has
     /// left the goal.
     pub(super) fn still_rests(&mut self, goal: &Goal, configuration: &Configuration) -> bool {
         let arrival = self.arrival.as_mut().filter(|it| it.goal == *goal);

@@ -140,7 +140,7 @@ impl RecentPlans {
         let known = last.find(|plan| plan.plan_id == id);
         let known = known.ok_or_else(|| {
             let reason = format!(
-                "previous_plan_id {id} is none of the last {RECENT_PLANS} plans of clients with candidates"
+                "previous_plan_id {id} is none of the last {RECENT_PLANS} plans of clients with candidates, nor the newest to the goal"
             );
             Refusal::field(PlanField::PreviousPlan, reason)
         })?;

@@ -67,7 +67,7 @@ wire_message! {
         /// one that was selected.
         pub previous_candidate: u32,
         /// The plan to go on from, or whose candidate is to be executed: [`PlanReport::plan_id`] of one of the last
-        /// [`crate::capacity::RECENT_PLANS`] whole answers with candidates; 0: none.
+        /// [`crate::capacity::RECENT_PLANS`] whole answers with candidates, or of the goal's newest motion; 0: none.
         pub previous_plan_id: u64,
         /// [`crate::codes::StartKind`].
         pub start: u32,

@@ -365,7 +365,11 @@ pub(crate) fn time_of_refinements(
         guided.push(seconds(GUIDED)? / pure);
     }
     let [post, guided] = [median(&post), median(&guided)];
-    let line = |planner| format!("{name}: {planner}, mean time of sampling against {PURE}");
+    let line = |planner| {
+        format!(
+            "{name}: {planner}, mean time of sampling against {PURE}, {cases} cases, median of {rounds} turns"
+        )
+    };
     let text = |ratio, paper| format!("{:+.1} %{}", percent_more(ratio, 1.0), beside(Some(paper)));
     report.shown(&line(POST), text(post, paper.post_time));
     let bar = format!("<= {GUIDED_AT_MOST} times");

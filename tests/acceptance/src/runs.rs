@@ -123,13 +123,10 @@ impl Model {
 
     /// Seeds of the data sets that it was trained with.
     pub(crate) fn training_seeds(&self) -> anyhow::Result<Vec<u64>> {
-        let file = Manifest::open(&self.folder)?.weights(&self.name)?;
-        let text = file.metadata("data").context("weights without `data`")?;
-        let sets: Vec<Value> = serde_json::from_str(text)?;
-        let seeds = sets.iter().map(|set| set["seed"].as_u64());
-        seeds
-            .map(|seed| seed.context("a set without a seed"))
-            .collect()
+        let manifest = Manifest::open(&self.folder)?;
+        let seeds = manifest.entry(&self.name)?.training_seeds.clone();
+        ensure!(!seeds.is_empty(), "{}: no training_seeds", self.text);
+        Ok(seeds)
     }
 
     /// Rows of all updates of the training; weights of one run may not say it.
@@ -209,6 +206,9 @@ impl Unseen {
 pub(crate) fn title_of(set: &str) -> &str {
     match set {
         "hard" => "hard (drawn such that segments collide and rrt-connect finds a path)",
+        "reference" => {
+            "reference (without the starts for which the authors' generator keeps no path)"
+        }
         _ => set,
     }
 }

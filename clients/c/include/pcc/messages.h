@@ -629,7 +629,7 @@ typedef struct PccPlanRequest {
   uint32_t early_candidate_count;
   /* The candidate of the previous plan that is being followed, or is to be executed, if one is named below; `NONE_SELECTED`: the one that was selected. */
   uint32_t previous_candidate;
-  /* The plan to go on from, or whose candidate is to be executed: `PlanReport::plan_id` of one of the last `RECENT_PLANS` whole answers with candidates; 0: none. */
+  /* The plan to go on from, or whose candidate is to be executed: `PlanReport::plan_id` of one of the last `RECENT_PLANS` whole answers with candidates, or of the goal's newest motion; 0: none. */
   uint64_t previous_plan_id;
   /* `StartKind`. */
   uint32_t start;

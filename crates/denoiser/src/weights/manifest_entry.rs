@@ -24,6 +24,9 @@ pub struct ManifestEntry {
     pub architecture: String,
     /// How the training data was made.
     pub description: String,
+    /// Seeds of the data sets that it was trained with (`pcc dataset --seed`).
+    #[serde(default)]
+    pub training_seeds: Vec<u64>,
     /// Seconds of training.
     pub training_seconds: u64,
     /// Updates of training.

@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// Cases of each set, without and with `--quick`.
-const CASES: [usize; 2] = [250, 20];
+const CASES: [usize; 2] = [250, 30];
 const MOST_CASES: usize = 1_000_000;
 /// Minutes that the whole page took on two cores of several machines, without and with `--quick`.
 const MINUTES: [&str; 2] = ["18 to 23", "3"];
@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
     /// Figures of the page, separated by commas, and nothing but these; without it, --planners and --sets all of them.
     #[arg(long, value_enum, value_delimiter = ',', conflicts_with_all = ["planners", "sets"])]
     figures: Vec<FigureName>,
-    /// Cases of each set (2 to 1000000); without it 250, with --quick 20.
+    /// Cases of each set (2 to 1000000); without it 250, with --quick 30.
     #[arg(long, value_parser = number::whole(2, MOST_CASES))]
     cases: Option<usize>,
     /// The whole page at a reduced size.

@@ -3,7 +3,7 @@
 use super::subject::check;
 use crate::evaluate::Answer;
 use anyhow::{Context, ensure};
-use pcc_model::{Configuration, UnitRobot};
+use pcc_model::{Configuration, DOF, UnitRobot};
 use planning::{Candidate, SampledVerdict, Source, Stage, modes};
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
@@ -36,6 +36,8 @@ pub(super) struct CaseRecord {
     pub(super) modes: usize,
     /// The certified motions.
     pub(super) motions: Vec<MotionRecord>,
+    /// What a planner that ends by the clock drew: corners of certified edges, rad.
+    pub(super) polylines: Vec<Vec<[f64; DOF]>>,
 }
 
 /// What the paper's criterion sees of a path.
@@ -88,6 +90,8 @@ impl CaseRecord {
             .filter(|candidate| candidate.source != Source::Explored)
             .collect();
         let ends: Vec<Configuration> = certified.iter().map(|it| it.end()).collect();
+        let polylines = answer.polylines.iter();
+        let polylines = polylines.map(|it| it.iter().map(|corner| (*corner).into()).collect());
         Self {
             case,
             target: answer.case.target_index,
@@ -101,6 +105,7 @@ impl CaseRecord {
             drawn,
             modes: modes(&ends),
             motions: certified.into_iter().map(MotionRecord::of).collect(),
+            polylines: polylines.collect(),
         }
     }
 }
@@ -211,6 +216,7 @@ mod tests {
             successes: 7,
             modes: 3,
             motions: vec![motion],
+            polylines: vec![vec![[0.25; DOF]; 2]],
         }
     }
 

@@ -1,13 +1,13 @@
 //! The arguments of `pcc evaluate`, and the files that they name.
 
-use super::proposals;
+use super::{Given, drawn_before, proposals};
 use crate::number;
 use crate::planner::ModelArguments;
 use crate::sampler::{PlannerName, name_of};
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use clap::{Args, ValueEnum};
 use datasets::{Case, Dataset, Split};
-use planning::{MOST_CORRECTIONS, Waypoints};
+use planning::MOST_CORRECTIONS;
 use std::path::PathBuf;
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -33,6 +33,10 @@ pub(crate) struct Arguments {
     /// `--candidates`. Their ends need not be exact.
     #[arg(long)]
     proposals: Option<PathBuf>,
+    /// Records of `pcc compare` of the same cases, for the planners that end by the clock (`rrt-star`, `bit-star`): what they drew there is
+    /// followed again.
+    #[arg(long)]
+    records: Option<PathBuf>,
     /// Candidates a case (1 to 64).
     #[arg(long, default_value_t = 10, value_parser = number::candidates())]
     pub(super) candidates: usize,
@@ -88,11 +92,20 @@ impl Arguments {
         }
     }
 
-    /// The paths to judge, case by case, if the planner is `proposed`.
-    pub(super) fn proposals(&self) -> anyhow::Result<Option<Vec<Vec<Waypoints>>>> {
+    /// What was drawn before for each case: the paths to judge if the planner is `proposed`, or what one that ends by the clock drew.
+    pub(super) fn given(&self) -> anyhow::Result<Option<Vec<Given>>> {
+        if let Some(file) = &self.records {
+            ensure!(
+                self.planner.anytime().is_some(),
+                "--records {} goes with planners that end by the clock: rrt-star and bit-star",
+                file.display()
+            );
+            let drawn = drawn_before::read(file, &name_of(&self.planner), self.candidates);
+            return drawn.map(Some).context("--records");
+        }
         match (self.planner, &self.proposals) {
             (PlannerName::Proposed, Some(file)) => proposals::read(file, self.candidates)
-                .map(Some)
+                .map(|paths| Some(paths.into_iter().map(Given::Paths).collect()))
                 .context("--proposals"),
             (PlannerName::Proposed, None) => bail!("--planner proposed needs --proposals FILE"),
             (_, Some(file)) => bail!(

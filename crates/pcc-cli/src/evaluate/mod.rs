@@ -3,6 +3,7 @@
 mod answer;
 mod arguments;
 mod arrays;
+mod drawn_before;
 mod proposals;
 mod summary;
 
@@ -40,10 +41,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         &arguments.models,
         arguments.threads,
     )?;
-    let proposals = arguments.proposals()?;
-    let cases = arguments.cases(proposals.as_ref().map(Vec::len))?;
+    let given = arguments.given()?;
+    let cases = arguments.cases(given.as_ref().map(Vec::len))?;
     make_writable(&arguments.out)?;
-    let answers = answer_all(&planner, arguments, cases, proposals)?;
+    let answers = answer_all(&planner, arguments, cases, given)?;
     arrays::write(
         &arguments.out.join("paths.npz"),
         &answers,
@@ -60,11 +61,11 @@ fn answer_all(
     planner: &Planner,
     arguments: &Arguments,
     cases: Vec<Case>,
-    proposals: Option<Vec<Vec<Waypoints>>>,
+    given: Option<Vec<Given>>,
 ) -> anyhow::Result<Vec<Answer>> {
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} cases, {eta} left")?;
     let bar = ProgressBar::new(cases.len() as u64).with_style(style);
-    let mut proposals = proposals.map(Vec::into_iter);
+    let mut given = given.map(Vec::into_iter);
     let asked = Asked {
         planner: arguments.planner,
         candidates: arguments.candidates,
@@ -73,8 +74,8 @@ fn answer_all(
     let answer = |(index, case): (usize, Case)| {
         bar.inc(1);
         let seed = arguments.seed.wrapping_add(index as u64);
-        let given = proposals.as_mut().and_then(Iterator::next);
-        answer(planner, asked, seed, case, given)
+        let of_case = given.as_mut().and_then(Iterator::next);
+        answer(planner, asked, seed, case, of_case)
     };
     let answers = cases.into_iter().enumerate().map(answer).collect();
     bar.finish_and_clear();
@@ -90,50 +91,31 @@ pub(crate) struct Asked {
     pub(crate) corrections: usize,
 }
 
-/// A planner's answer to a case, or its judgement of given paths.
+/// A planner's answer to a case, or to what was drawn for it.
 pub(crate) fn answer(
     planner: &Planner,
     asked: Asked,
     seed: u64,
     case: Case,
-    given: Option<Vec<Waypoints>>,
+    given: Option<Given>,
 ) -> anyhow::Result<Answer> {
-    let problem = Problem {
-        start: case.start,
-        goal: Goal::Tip(case.target_tip),
-        scene: case.scene.clone(),
-        moving: MovingObstacles::default(),
-    };
-    let request = Request {
-        candidates: asked.candidates,
-        seed,
-        sampler: asked.planner.sampler().unwrap_or(Sampler::RrtSmooth),
-        limits_scale: 1.0,
-        padding: [0.0; SECTIONS],
-        knots: 96,
-        corrections: asked.corrections,
-        start_motion: None,
-        previous: None,
-        end_to_move: None,
-    };
+    let (problem, request) = (problem_of(&case), request_of(asked, seed));
     let clock = Instant::now();
     let is_drawn_here = given.is_none() && asked.planner.sampler().is_none();
-    let given = given.map(Given::Paths);
     let given = match given {
         Some(given) => Some(given),
         None => draw(asked.planner, planner, &case, &request)?,
     };
-    ensure!(
-        given.is_some() || asked.planner.sampler().is_some(),
-        "{} draws no paths: they must be given",
-        name_of(&asked.planner)
-    );
     let drawing_s = clock.elapsed().as_secs_f64();
-    let judges_what_is_drawn = is_drawn_here && matches!(given, Some(Given::Paths(_)));
+    let (mut judged_from_s, mut polylines) = (None, Vec::new());
     let answered = match given {
-        Some(Given::Paths(paths)) => planner.evaluate_paths(&problem, &request, paths, &|| false),
-        Some(Given::Polylines(polylines)) => {
-            planner.follow_polylines(&problem, &request, polylines, &|| false)
+        Some(Given::Paths(paths)) => {
+            judged_from_s = is_drawn_here.then_some(drawing_s);
+            planner.evaluate_paths(&problem, &request, paths, &|| false)
+        }
+        Some(Given::Polylines(drawn)) => {
+            polylines.clone_from(&drawn);
+            planner.follow_polylines(&problem, &request, drawn, &|| false)
         }
         None => planner.plan(&problem, &request, &|| false),
     };
@@ -151,24 +133,45 @@ pub(crate) fn answer(
     Ok(Answer {
         case,
         plan,
+        polylines,
         seconds,
-        drawing_s: if judges_what_is_drawn {
-            drawing_s
-        } else {
-            seconds
-        },
+        drawing_s: judged_from_s.unwrap_or(seconds),
     })
 }
 
+fn problem_of(case: &Case) -> Problem {
+    Problem {
+        start: case.start,
+        goal: Goal::Tip(case.target_tip),
+        scene: case.scene.clone(),
+        moving: MovingObstacles::default(),
+    }
+}
+
+fn request_of(asked: Asked, seed: u64) -> Request {
+    Request {
+        candidates: asked.candidates,
+        seed,
+        sampler: asked.planner.sampler().unwrap_or(Sampler::RrtSmooth),
+        limits_scale: 1.0,
+        padding: [0.0; SECTIONS],
+        knots: 96,
+        corrections: asked.corrections,
+        start_motion: None,
+        previous: None,
+        end_to_move: None,
+    }
+}
+
 /// What is followed in place of a sampler's paths.
-enum Given {
+pub(crate) enum Given {
     /// Whole paths, which may collide.
     Paths(Vec<Waypoints>),
     /// Corners of certified edges.
     Polylines(Vec<Vec<Configuration>>),
 }
 
-/// What as many attempts of a rival as there are candidates come to; nothing where the planner is none.
+/// What as many attempts of a rival as there are candidates come to; nothing where the planner has a sampler.
 fn draw(
     name: PlannerName,
     planner: &Planner,
@@ -195,7 +198,14 @@ fn draw(
             let polylines = on_own_threads(threads, request.candidates, attempt)?;
             Ok(Some(Given::Polylines(polylines)))
         }
-        (None, None) => Ok(None),
+        (None, None) => {
+            ensure!(
+                name.sampler().is_some(),
+                "{} draws no paths: they must be given",
+                name_of(&name)
+            );
+            Ok(None)
+        }
     }
 }
 

@@ -9,6 +9,8 @@ use std::collections::{BinaryHeap, HashSet};
 
 /// Samples of a batch.
 const BATCH: usize = 100;
+/// In place of the start's sample.
+const START: usize = usize::MAX;
 
 /// What waits in a queue, the shortest path that it may lead to first.
 struct Waiting<T> {
@@ -53,8 +55,10 @@ struct BitStar<'a> {
     node_of: Vec<Option<usize>>,
     /// The samples through which a path may be shorter than the shortest one known.
     useful: Vec<usize>,
-    /// Edges that are not free, from nodes to samples.
-    refused: HashSet<(usize, usize)>,
+    /// The two samples of each edge that is not free, the lower one first.
+    refused: HashSet<[usize; 2]>,
+    /// The sample that each of the tree's nodes was.
+    sample_of: Vec<usize>,
     /// The tip positions of the tree's nodes.
     node_tips: Vec<Point>,
     nodes: BinaryHeap<Waiting<usize>>,
@@ -70,6 +74,7 @@ pub(super) fn path(attempt: Attempt, rng: &mut Pcg64) -> Option<Vec<Configuratio
         node_of: Vec::new(),
         useful: Vec::new(),
         refused: HashSet::new(),
+        sample_of: vec![START],
         node_tips: vec![attempt.tip(&attempt.query.start)],
         nodes: BinaryHeap::new(),
         edges: BinaryHeap::new(),
@@ -157,11 +162,17 @@ impl BitStar<'_> {
             let least = cost + step + self.attempt.least_to_go(&self.tips[to]);
             let is_shorter = |other: usize| cost + step < self.tree.cost(other);
             let may_help = least < shortest && self.node_of[to].is_none_or(is_shorter);
-            if may_help && !self.refused.contains(&(node, to)) {
+            if may_help && !self.refused.contains(&self.ends(node, to)) {
                 let what = Edge { from: node, to };
                 self.edges.push(Waiting { least, what });
             }
         }
+    }
+
+    /// The samples at both ends of an edge, whichever way it leads.
+    fn ends(&self, node: usize, sample: usize) -> [usize; 2] {
+        let other = self.sample_of[node];
+        [other.min(sample), other.max(sample)]
     }
 
     /// Makes an edge part of the tree if it is free and the tip's path to its end becomes shorter by it.
@@ -180,13 +191,14 @@ impl BitStar<'_> {
             return;
         }
         if !self.attempt.edge_is_free(&a, &b) {
-            self.refused.insert((from, to));
+            self.refused.insert(self.ends(from, to));
             return;
         }
         match self.node_of[to] {
             Some(node) => self.tree.rewire(node, from, edge),
             None => {
                 let node = self.tree.push(b, from, edge);
+                self.sample_of.push(to);
                 self.node_tips.push(self.tips[to]);
                 self.node_of[to] = Some(node);
                 self.wait(node);

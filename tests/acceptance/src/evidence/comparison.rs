@@ -10,7 +10,7 @@ use tests::programs::repository;
 
 use super::planners::BY_THE_CLOCK;
 use crate::report::Report;
-use crate::runs::{folder, number, run_pcc, title_of};
+use crate::runs::{Model, folder, number, run_pcc, title_of};
 use crate::scale::Scale;
 
 const COMMAND: &str = "pcc compare";
@@ -59,6 +59,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             &format!("{ATTEMPTS}"),
             attempts >= ATTEMPTS,
         );
+        are_unseen(report, scale)?;
         says_who_is_ahead(report, scale, &compared)?;
         for set in compared["sets"].as_array().context("no sets")? {
             show(report, scale, set)?;
@@ -86,6 +87,25 @@ pub(super) fn compare(scale: Scale, against: &str) -> anyhow::Result<Value> {
 /// Where the comparison's files are.
 pub(super) fn out(scale: Scale) -> PathBuf {
     folder().join(scale.pick("compare-quick", "compare"))
+}
+
+/// Whether the cases are drawn with seeds that nothing was trained with.
+fn are_unseen(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let mut seeds = Vec::new();
+    for set in fs::read_dir(out(scale).join("sets"))? {
+        let told = fs::read_to_string(set?.path().join("dataset_meta.json"))?;
+        let told: Value = serde_json::from_str(&told)?;
+        seeds.push(number(&told, "/config/seed")? as u64);
+    }
+    let mut trained = Model::wanted("fast")?.training_seeds()?;
+    trained.extend(Model::wanted("mixed")?.training_seeds()?);
+    report.check(
+        "seeds of the sets, beside those of the training data of fast and mixed",
+        format!("{seeds:?} beside {trained:?}"),
+        "none of the training's",
+        !seeds.is_empty() && seeds.iter().all(|it| !trained.contains(it)),
+    );
+    Ok(())
 }
 
 /// Whether the page in `docs/results` is of this comparison: its table has the same rows, and this run's figures, but for times, are within the
@@ -158,9 +178,14 @@ fn show(report: &mut Report, scale: Scale, set: &Value) -> anyhow::Result<()> {
         .iter()
         .filter_map(|it| it["planner"].as_str())
         .collect();
-    let missing = super::planners::planners().filter(|name| !names.contains(name));
-    let missing: Vec<String> = missing.map(str::to_owned).collect();
-    report.none_of(&format!("{name}: planners that are missing"), &missing);
+    let known: Vec<&str> = super::planners::planners().collect();
+    let missing = known.iter().filter(|it| !names.contains(it));
+    let others = names.iter().filter(|it| !known.contains(it));
+    let differing: Vec<String> = missing.chain(others).map(|it| (*it).to_owned()).collect();
+    report.none_of(
+        &format!("{name}: planners that are missing, or not judged"),
+        &differing,
+    );
     for planner in planners {
         let texts = FIGURES.map(|figure| text_of(planner, figure));
         let has_motions = number(planner, "/all/certified/value")? > 0.0;

@@ -16,7 +16,8 @@ use crate::runs::folder;
 /// Figures without times, whose pictures come out the same.
 const SAME_PICTURES: [&str; 4] = ["network", "denoising", "solutions", "updates"];
 /// Figures whose numbers come out the same, but for their times.
-const SAME_NUMBERS: [&str; 6] = [
+const SAME_NUMBERS: [&str; 7] = [
+    "best",
     "denoising",
     "solutions",
     "ablation",
@@ -25,7 +26,13 @@ const SAME_NUMBERS: [&str; 6] = [
     "tip-length",
 ];
 /// Times among the numbers of records and of figures.
-const TIMES: [&str; 4] = ["seconds", "drawing_s", "sampling_s", "a_candidate_ms"];
+const TIMES: [&str; 5] = [
+    "seconds",
+    "drawing_s",
+    "sampling_s",
+    "a_candidate_ms",
+    "request_ms",
+];
 
 /// A set whose comparison is made again, from nothing to its end: that in which the page's first run was killed.
 const SET: &str = "reference";

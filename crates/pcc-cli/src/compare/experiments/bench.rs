@@ -102,8 +102,10 @@ impl<'a> Bench<'a> {
     pub(super) fn scattered_cases(&self, set: &CaseSet, count: usize) -> anyhow::Result<Vec<Case>> {
         let mut cases = self.cases(set, self.arguments.cases())?;
         cases.dedup_by_key(|case| case.target_index);
-        let step = (cases.len() / count).max(1);
-        Ok(cases.into_iter().step_by(step).take(count).collect())
+        let count = count.min(cases.len());
+        Ok((0..count)
+            .map(|place| cases[place * cases.len() / count].clone())
+            .collect())
     }
 
     /// The answers of some planners to the first so many cases of a set.

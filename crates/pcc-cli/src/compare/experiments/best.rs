@@ -66,8 +66,9 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         let (budget_ms, arms) = arms(bench, set, &cases)?;
         let solved = solved_by_all(&arms);
         told.push(format!(
-            "{set}: {budget_ms:.2} ms a request, {} cases",
-            solved.len()
+            "{set}: {budget_ms:.2} ms a request, {} of {} cases",
+            solved.len(),
+            cases.len()
         ));
         for (rule, (_, title)) in RULES.into_iter().enumerate() {
             let chart = chart(title, rule, &arms, &cases, &solved)?;
@@ -85,7 +86,7 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
         pictures,
         caption: format!(
             "Medians over the cases that all of these planners solve, with 95 % intervals by the bootstrap over targets. × 10: equal number. The other row of a \
-             planner has the most candidates, up to 64, whose median request takes no longer than that of the slowest planner takes for ten ({}). Of \
+             planner has the most candidates, up to the 64 that a request may have, whose median request takes no longer than that of the slowest planner takes for ten ({}). Of \
              clearance more is better, of all others less. Every motion that an answer holds counts, those of <code>fast</code>'s exploring too.",
             told.join("; ")
         ),

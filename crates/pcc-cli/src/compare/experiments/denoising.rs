@@ -212,7 +212,7 @@ pub(super) fn around_a_ball(bench: &Bench, hardware: &Hardware) -> anyhow::Resul
         pictures,
         caption: format!(
             "Tip paths of {DRAWS} candidates of <code>diffusion-post</code> while they are denoised, from where the motion of the demonstration's third \
-             experiment begins (diamond) to its target (star), around a ball of radius 0.4 L; and that motion as it was measured, its body at {} instants.",
+             experiment begins (diamond) to its target (star), around a ball of radius 0.4 L; and that motion, which is one of <code>default</code> and none of these candidates, as it was measured, its body at {} instants.",
             super::hardware::SNAPSHOTS
         ),
         made_by: None,

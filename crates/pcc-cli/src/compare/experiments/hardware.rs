@@ -187,7 +187,7 @@ impl Hardware {
 
 fn figure(name: FigureName, title: &'static str, text: &str, pictures: Vec<Picture>) -> Figure {
     let caption = format!(
-        "{text} Recorded from daemon, controller and simulated robot, whose motors lag and whose sensors are noisy: bodies as measured at {SNAPSHOTS} \
+        "{text} Planned by <code>default</code>. Recorded from daemon, controller and simulated robot, whose motors lag and whose sensors are noisy: bodies as measured at {SNAPSHOTS} \
          instants from first (grey) to last (blue), and configurations as measured (colour) and commanded (thin, black). Vertical lines: a motion begins \
          or ends."
     );
