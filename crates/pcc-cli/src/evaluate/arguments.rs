@@ -1,6 +1,7 @@
 //! The arguments of `pcc evaluate`, and the files that they name.
 
-use super::{Given, drawn_before, proposals};
+use super::given::Given;
+use super::{drawn_before, proposals};
 use crate::number;
 use crate::planner::ModelArguments;
 use crate::sampler::{PlannerName, name_of};

@@ -1,6 +1,6 @@
 //! What a planner that ends by the clock drew in a comparison, which no other run draws again.
 
-use super::Given;
+use super::given::Given;
 use anyhow::{Context, ensure};
 use pcc_model::{Configuration, DOF};
 use serde::Deserialize;

@@ -4,6 +4,7 @@ mod answer;
 mod arguments;
 mod arrays;
 mod drawn_before;
+mod given;
 mod proposals;
 mod summary;
 
@@ -11,6 +12,7 @@ pub(crate) use answer::Answer;
 pub(crate) use arguments::Arguments;
 pub(crate) use summary::machine;
 
+use self::given::Given;
 use crate::output_files::{make_writable, write_whole};
 use crate::planner::{Loaded, load};
 use crate::robot::unit_robot;
@@ -18,10 +20,8 @@ use crate::sampler::{PlannerName, name_of};
 use anyhow::ensure;
 use datasets::Case;
 use indicatif::{ProgressBar, ProgressStyle};
-use pcc_model::{Configuration, SECTIONS};
-use planning::{
-    Goal, MovingObstacles, Planner, PlannerError, Problem, Request, Sampler, Stage, Waypoints,
-};
+use pcc_model::SECTIONS;
+use planning::{Goal, MovingObstacles, Planner, PlannerError, Problem, Request, Sampler, Stage};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -161,14 +161,6 @@ fn request_of(asked: Asked, seed: u64) -> Request {
         previous: None,
         end_to_move: None,
     }
-}
-
-/// What is followed in place of a sampler's paths.
-pub(crate) enum Given {
-    /// Whole paths, which may collide.
-    Paths(Vec<Waypoints>),
-    /// Corners of certified edges.
-    Polylines(Vec<Vec<Configuration>>),
 }
 
 /// What as many attempts of a rival as there are candidates come to; nothing where the planner has a sampler.
