@@ -27,8 +27,6 @@ const SHARED_MEMORY: &str = "/dev/shm";
 pub(super) struct Killed {
     /// The records that the first one had written, by file.
     records: BTreeMap<String, String>,
-    /// The data of the figures that were there when the second one was killed, by file.
-    figures: BTreeMap<String, String>,
     /// The process of the second one, which was carrying out the experiments.
     process: u32,
 }
@@ -49,7 +47,6 @@ impl Killed {
                 .iter()
                 .any(|it| it.contains(" demo --record "))
         })?;
-        let figures = files(&out.join("figures"));
         let ended = wait_for("every process of the page ends", PATIENCE, || {
             started_by(process).is_empty().then_some(())
         });
@@ -66,31 +63,22 @@ impl Killed {
             ">= 1",
             left > 0,
         );
-        Ok(Self {
-            records,
-            figures,
-            process,
-        })
+        Ok(Self { records, process })
     }
 
     /// Whether the run after those went on from the records, and left nothing of them in shared memory.
     pub(super) fn judge(&self, report: &mut Report, out: &Path) -> anyhow::Result<()> {
-        for (now, then, what) in [
-            (records(out), &self.records, "the first run's records"),
-            (
-                files(&out.join("figures")),
-                &self.figures,
-                "the second run's figures",
-            ),
-        ] {
-            let is_kept = |(file, text): &(&String, &String)| {
-                now.get(*file)
-                    .is_some_and(|it| it.starts_with(text.as_str()))
-            };
-            let kept = then.iter().filter(is_kept).count();
-            let line = format!("files of {what} that the page's own still begin with");
-            report.all_of(&line, kept, then.len());
-        }
+        let now = records(out);
+        let is_kept = |(file, text): &(&String, &String)| {
+            now.get(*file)
+                .is_some_and(|it| it.starts_with(text.as_str()))
+        };
+        let kept = self.records.iter().filter(is_kept).count();
+        report.all_of(
+            "files of the first run's records that the page still begins with",
+            kept,
+            self.records.len(),
+        );
         let left = left_by(self.process)?;
         report.none_of("what is left of that after the next run", &left);
         Ok(())
@@ -129,21 +117,14 @@ fn killed(options: &[&str], out: &Path, holds: impl Fn(u32) -> bool) -> anyhow::
 
 /// The whole lines of every planner's records, by file.
 fn records(out: &Path) -> BTreeMap<String, String> {
-    let mut records = files(&out.join("cases"));
-    for text in records.values_mut() {
-        text.truncate(text.rfind('\n').map_or(0, |last| last + 1));
-    }
-    records
-}
-
-/// The texts of a folder's files.
-fn files(folder: &Path) -> BTreeMap<String, String> {
-    let there = fs::read_dir(folder).into_iter().flatten().flatten();
+    let files = fs::read_dir(out.join("cases")).into_iter().flatten();
     let read = |file: fs::DirEntry| {
+        let text = fs::read_to_string(file.path()).ok()?;
+        let whole = text.rfind('\n').map_or(0, |last| last + 1);
         let name = file.file_name().to_string_lossy().into_owned();
-        Some((name, fs::read_to_string(file.path()).ok()?))
+        Some((name, text[..whole].to_owned()))
     };
-    there.filter_map(read).collect()
+    files.flatten().filter_map(read).collect()
 }
 
 /// Records in files whose first lines say what they are of.
