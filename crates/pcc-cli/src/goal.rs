@@ -30,7 +30,8 @@ pub(crate) struct Arguments {
     /// Share of the tendon limits to use (1e-9 to 1).
     #[arg(long, default_value_t = 1.0, value_parser = number::limits_scale())]
     limits_scale: f64,
-    /// Stay, tell each change of what becomes of it, and end once the robot rests there.
+    /// Stay, tell each change of what becomes of it, and end once the robot rests there, or the goal is ended (`pcc stop`): one without a way is
+    /// tried for again and again, for obstacles may move.
     #[arg(long)]
     wait: bool,
 }
@@ -62,11 +63,11 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
 }
 
-/// Waits until something else becomes of the goal, however long that takes.
+/// Waits until something else becomes of the goal, however long that takes; other numbers alone, as each try has, are no change.
 fn next_change(goal: &mut GoalSender, told: &GoalStatus) -> anyhow::Result<GoalStatus> {
-    let text = told.to_string();
+    let text = without_numbers(told);
     loop {
-        let is_news = |status: &GoalStatus| status.to_string() != text;
+        let is_news = |status: &GoalStatus| without_numbers(status) != text;
         if let Some(status) = goal.wait_for(LOOK_INTERVAL, is_news)? {
             return Ok(status);
         }
@@ -74,6 +75,12 @@ fn next_change(goal: &mut GoalSender, told: &GoalStatus) -> anyhow::Result<GoalS
             bail!("the planner-daemon has ended, and the goal with it: the robot stops");
         }
     }
+}
+
+fn without_numbers(status: &GoalStatus) -> String {
+    status
+        .to_string()
+        .replace(|it: char| it.is_ascii_digit(), "")
 }
 
 fn is_pursued(state: GoalState) -> bool {

@@ -5,6 +5,7 @@ mod output;
 
 mod averages;
 mod bootstrap;
+mod cases_hash;
 mod command_line;
 mod compare;
 mod dataset;

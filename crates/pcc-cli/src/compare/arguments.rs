@@ -26,7 +26,7 @@ pub(crate) struct Arguments {
     /// folders with a data set, and nothing but the comparison; without it those three.
     #[arg(long, value_delimiter = ',')]
     sets: Vec<CaseSet>,
-    /// Figures of the page, separated by commas, and nothing but these; without it, --planners and --sets all of them.
+    /// Figures of the page, separated by commas, and nothing but these; all of them where none of --figures, --planners and --sets is given.
     #[arg(long, value_enum, value_delimiter = ',', conflicts_with_all = ["planners", "sets"])]
     figures: Vec<FigureName>,
     /// Cases of each set (2 to 1000000); without it 250, with --quick 30.

@@ -1,11 +1,10 @@
 //! Sets of cases: generated ones that nothing was trained with, and folders.
 
 use crate::dataset::{Unseen, generate_unseen};
-use crate::hash_text::hexadecimal;
 use crate::robot::unit_robot;
 use anyhow::{Context, bail, ensure};
 use datasets::{Case, Dataset, Split};
-use pcc_model::{BitHash, UnitRobot};
+use pcc_model::UnitRobot;
 use std::fmt::{self, Display};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -123,21 +122,6 @@ impl CaseSet {
 fn first_there(cases: &[Case], robot: &UnitRobot) -> Option<usize> {
     let is_there = |case: &Case| (robot.tip(&case.start) - case.target_tip).norm() <= NO_WAY;
     cases.iter().position(is_there)
-}
-
-/// A text that is equal for equal cases in the same order.
-pub(super) fn hash_of(cases: &[Case]) -> String {
-    let mut hash = BitHash::new();
-    for case in cases {
-        let balls = case.scene.balls();
-        let ball = balls
-            .iter()
-            .flat_map(|it| it.centre.iter().chain([&it.radius]));
-        let numbers = case.start.iter().chain(case.target_tip.iter()).chain(ball);
-        hash.add(balls.len() as u64);
-        numbers.for_each(|number| hash.add(number.to_bits()));
-    }
-    hexadecimal(hash.value())
 }
 
 /// The name of a set, or of a figure, as a part of a file's name.

@@ -1,8 +1,9 @@
 //! What planners did with the cases of a set, each answered once and kept.
 
 use super::case_log::{CaseLog, CaseRecord};
-use super::case_sets::{CaseSet, file_name, hash_of};
+use super::case_sets::{CaseSet, file_name};
 use super::subject::Subject;
+use crate::cases_hash::hash_of;
 use crate::evaluate::{Asked, answer};
 use crate::planner::{Loaded, ModelRecords, load};
 use crate::robot::unit_robot;

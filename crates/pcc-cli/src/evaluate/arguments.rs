@@ -1,14 +1,16 @@
 //! The arguments of `pcc evaluate`, and the files that they name.
 
+use super::drawn_before::{Records, Wanted};
 use super::given::Given;
-use super::{drawn_before, proposals};
+use super::proposals;
 use crate::number;
 use crate::planner::ModelArguments;
 use crate::sampler::{PlannerName, name_of};
 use anyhow::{Context, bail, ensure};
 use clap::{Args, ValueEnum};
 use datasets::{Case, Dataset, Split};
-use planning::MOST_CORRECTIONS;
+use pcc_model::Robot;
+use planning::{MOST_CORRECTIONS, Waypoints};
 use std::path::PathBuf;
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -34,10 +36,11 @@ pub(crate) struct Arguments {
     /// `--candidates`. Their ends need not be exact.
     #[arg(long)]
     proposals: Option<PathBuf>,
-    /// Records of `pcc compare` of the same cases, for the planners that end by the clock (`rrt-star`, `bit-star`): what they drew there is
-    /// followed again.
-    #[arg(long)]
-    records: Option<PathBuf>,
+    /// Records of `pcc compare --out DIR`, for the planners that end by the clock (`rrt-star`, `bit-star`): what they drew there is followed
+    /// again, and the time of the drawing is not measured. `--records DIR/cases/SET-PLANNER.jsonl` goes with `--dataset DIR/sets/SET-N`, all of
+    /// its records' cases, and the same robot, seed and candidates.
+    #[arg(long, conflicts_with = "proposals")]
+    pub(super) records: Option<PathBuf>,
     /// Candidates a case (1 to 64).
     #[arg(long, default_value_t = 10, value_parser = number::candidates())]
     pub(super) candidates: usize,
@@ -65,7 +68,7 @@ pub(crate) struct Arguments {
 
 impl Arguments {
     /// The cases asked for, no more than paths are given for.
-    pub(super) fn cases(&self, given: Option<usize>) -> anyhow::Result<Vec<Case>> {
+    fn cases(&self, given: Option<usize>) -> anyhow::Result<Vec<Case>> {
         let split = match self.split {
             SplitName::Train => Split::Train,
             SplitName::Validation => Split::Validation,
@@ -93,20 +96,37 @@ impl Arguments {
         }
     }
 
-    /// What was drawn before for each case: the paths to judge if the planner is `proposed`, or what one that ends by the clock drew.
-    pub(super) fn given(&self) -> anyhow::Result<Option<Vec<Given>>> {
+    /// The cases, and what was drawn before for each of them: the paths to judge if the planner is `proposed`, or what one that ends by the clock
+    /// drew.
+    pub(super) fn cases_and_given(&self) -> anyhow::Result<(Vec<Case>, Option<Vec<Given>>)> {
         if let Some(file) = &self.records {
             ensure!(
                 self.planner.anytime().is_some(),
                 "--records {} goes with planners that end by the clock: rrt-star and bit-star",
                 file.display()
             );
-            let drawn = drawn_before::read(file, &name_of(&self.planner), self.candidates);
-            return drawn.map(Some).context("--records");
+            let records = Records::read(file).context("--records")?;
+            let cases = self.cases(Some(records.count()))?;
+            let wanted = Wanted {
+                planner: name_of(&self.planner),
+                candidates: self.candidates,
+                seed: self.seed,
+                robot_hash: Robot::from_file(&self.robot)?.hash(),
+            };
+            let given = records.given(&wanted, &cases).context("--records")?;
+            return Ok((cases, Some(given)));
         }
+        let proposals = self.proposals()?;
+        let cases = self.cases(proposals.as_ref().map(Vec::len))?;
+        let given = proposals.map(|paths| paths.into_iter().map(Given::Paths).collect());
+        Ok((cases, given))
+    }
+
+    /// The paths to judge, case by case, if the planner is `proposed`.
+    fn proposals(&self) -> anyhow::Result<Option<Vec<Vec<Waypoints>>>> {
         match (self.planner, &self.proposals) {
             (PlannerName::Proposed, Some(file)) => proposals::read(file, self.candidates)
-                .map(|paths| Some(paths.into_iter().map(Given::Paths).collect()))
+                .map(Some)
                 .context("--proposals"),
             (PlannerName::Proposed, None) => bail!("--planner proposed needs --proposals FILE"),
             (_, Some(file)) => bail!(

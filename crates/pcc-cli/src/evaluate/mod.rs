@@ -41,8 +41,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         &arguments.models,
         arguments.threads,
     )?;
-    let given = arguments.given()?;
-    let cases = arguments.cases(given.as_ref().map(Vec::len))?;
+    let (cases, given) = arguments.cases_and_given()?;
     make_writable(&arguments.out)?;
     let answers = answer_all(&planner, arguments, cases, given)?;
     arrays::write(

@@ -21,6 +21,8 @@ pub(super) struct Summary {
     #[serde(flatten)]
     models: ModelRecords,
     dataset: String,
+    /// The file of records whose paths were followed; times are then without the drawing.
+    records: Option<String>,
     split: String,
     robot: String,
     cases: usize,
@@ -264,6 +266,10 @@ pub(super) fn summarise(
         planner: name_of(&arguments.planner),
         models,
         dataset: arguments.dataset.display().to_string(),
+        records: arguments
+            .records
+            .as_ref()
+            .map(|it| it.display().to_string()),
         split: name_of(&arguments.split),
         robot: robot.name.clone(),
         cases: answers.len(),
@@ -366,6 +372,9 @@ pub(super) fn print(s: &Summary) {
         s.cases,
         s.candidates
     );
+    if let Some(records) = &s.records {
+        say!("  what was drawn in {records} is followed: times are without the drawing");
+    }
     say!(
         "  certified before fallback {:6.2} %   delivered {:6.2} %",
         100.0 * s.shares.share_before_fallback,

@@ -28,9 +28,8 @@ pub(super) fn read(
     let cases = shape.first().copied().unwrap_or(0) as usize;
     ensure!(
         case < cases,
-        "--case {case}: {} has {cases} cases; 0..={} are allowed",
-        file.display(),
-        cases.saturating_sub(1)
+        "--case {case}: {} has {cases} cases, the first of which is 0",
+        file.display()
     );
     let (candidates, knots) = (shape[1] as usize, shape[2] as usize);
     archive.expect_shape("knots", &[cases, candidates, knots, 3, DOF])?;

@@ -2,7 +2,8 @@
 
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
-use crate::compare::case_sets::{CaseSet, hash_of};
+use crate::cases_hash::hash_of;
+use crate::compare::case_sets::CaseSet;
 use crate::compare::drawing::{Axis, COLOURS, Camera, GREY, Line, Lines, Scene3d, blend};
 use crate::compare::figure_name::FigureName;
 use crate::evaluate::{Asked, answer};

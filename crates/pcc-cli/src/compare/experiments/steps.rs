@@ -3,8 +3,9 @@
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
 use crate::averages;
+use crate::cases_hash::hash_of;
 use crate::compare::case_log::CaseRecord;
-use crate::compare::case_sets::{CaseSet, hash_of};
+use crate::compare::case_sets::CaseSet;
 use crate::compare::drawing::{Axis, COLOURS, Line, Lines};
 use crate::compare::figure_name::FigureName;
 use crate::evaluate::{Asked, answer};

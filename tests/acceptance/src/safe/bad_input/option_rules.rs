@@ -359,6 +359,7 @@ pub(super) const COMMANDS: &[Command] = &[
             ("--split", Wanted::Choice(&[])),
             ("--planner", Wanted::Choice(&[])),
             ("--proposals", Wanted::ReadFile),
+            ("--records", Wanted::ReadFile),
             ("--candidates", Wanted::Whole([1, 64], 64)),
             ("--seed", SEED),
             ("--cases", Wanted::Whole([1, u64::MAX as i128], 4)),

@@ -234,9 +234,12 @@ impl Tried<'_> {
                 arguments.extend(good.iter().map(|text| absolute(text)));
             }
         }
-        if option == "--proposals" {
-            arguments = without(arguments, "--planner");
-            arguments.extend(["--planner".into(), "proposed".into()]);
+        // Planners to which alone an option goes.
+        for (one, planner) in [("--proposals", "proposed"), ("--records", "bit-star")] {
+            if option == one {
+                arguments = without(arguments, "--planner");
+                arguments.extend(["--planner".into(), planner.into()]);
+            }
         }
         // An option may leave the room to another one that excludes it.
         for (one, other) in [
