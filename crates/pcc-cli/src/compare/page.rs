@@ -26,7 +26,7 @@ const BY_BALLS: [&str; 9] = [
 
 const STYLE: &str = "
 :root { --ink: #1c2733; --soft: #5b6875; --line: #d4dae0; }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: #fff; margin: 0 auto; max-width: 82rem; padding: 1rem; }
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: #fff; margin: 0 auto; max-width: 82rem; padding: 1rem; overflow-wrap: break-word; }
 h1 { font-size: 1.5rem; } h2 { margin-top: 2.5rem; border-top: 1px solid var(--line); padding-top: 1rem; }
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(32rem, 100%), 1fr)); gap: 1rem; }
 svg { width: 100%; height: auto; display: block; } .table { overflow-x: auto; }
