@@ -23,9 +23,23 @@ pub(crate) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     })
 }
 
+/// The one of sorted values nearest to a share of them (0 to 1): of 0.5 one in the middle.
+pub(crate) fn percentile(sorted: &[f64], share: f64) -> Option<f64> {
+    let place = (sorted.len().saturating_sub(1) as f64 * share).round() as usize;
+    sorted.get(place).copied()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn percentiles_are_values_at_the_nearest_place() {
+        let sorted = [1.0, 2.0, 3.0, 4.0, 5.0];
+        let at = [0.0, 0.1, 0.3, 0.5, 0.95, 1.0].map(|share| percentile(&sorted, share).unwrap());
+        assert_eq!(at, [1.0, 1.0, 2.0, 3.0, 5.0, 5.0]);
+        assert_eq!(percentile(&[], 0.5), None);
+    }
 
     #[test]
     fn medians_are_those_of_sorted_values() {

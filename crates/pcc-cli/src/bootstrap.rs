@@ -1,6 +1,7 @@
 //! Confidence intervals by the percentile bootstrap over targets (Efron 1979): neither the candidates of a case nor the cases of a target, which
 //! have their scene and their target in common, are independent samples.
 
+use crate::averages::percentile;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -55,14 +56,10 @@ pub(crate) fn interval<T: Sync>(
     };
     let mut values: Vec<f64> = resamples.into_par_iter().filter_map(resample).collect();
     values.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let index = (values.len().saturating_sub(1) as f64 * share).round() as usize;
-        values.get(index).copied()
-    };
     Interval {
         value: figure(&all),
-        low: at(TAIL),
-        high: at(1.0 - TAIL),
+        low: percentile(&values, TAIL),
+        high: percentile(&values, 1.0 - TAIL),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::answer::Answer;
 use super::arguments::Arguments;
-use crate::averages::mean;
+use crate::averages::{mean, percentile};
 use crate::bootstrap::{Interval, interval};
 use crate::planner::ModelRecords;
 use crate::sampler::name_of;
@@ -140,10 +140,7 @@ impl Spread {
     fn of(values: impl Iterator<Item = f64>) -> Self {
         let mut sorted: Vec<f64> = values.collect();
         sorted.sort_by(f64::total_cmp);
-        let at = |share: f64| match sorted.len() {
-            0 => f64::NAN,
-            n => sorted[((n - 1) as f64 * share).round() as usize],
-        };
+        let at = |share| percentile(&sorted, share).unwrap_or(f64::NAN);
         let mean = sorted.iter().sum::<f64>() / sorted.len() as f64;
         Self {
             mean,

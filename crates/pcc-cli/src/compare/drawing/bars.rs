@@ -1,6 +1,7 @@
 //! Bars of a mean with the 5th and 95th percentiles.
 
 use super::canvas::{Drawn, GREY, INK, font, label, svg};
+use crate::averages::percentile;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -24,13 +25,11 @@ impl Bar {
     pub(crate) fn of(name: &'static str, values: &[f64], colour: RGBColor) -> Option<Self> {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
-        let at =
-            |share: f64| sorted.get(((sorted.len().max(1) - 1) as f64 * share).round() as usize);
         Some(Self {
             name,
             mean: values.iter().sum::<f64>() / values.len() as f64,
-            p5: *at(0.05)?,
-            p95: *at(0.95)?,
+            p5: percentile(&sorted, 0.05)?,
+            p95: percentile(&sorted, 0.95)?,
             colour,
         })
     }

@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::figure::{Figure, Picture};
-use crate::averages::mean;
+use crate::averages::{mean, percentile};
 use crate::bootstrap::Interval;
 use crate::compare::case_log::CaseRecord;
 use crate::compare::case_sets::CaseSet;
@@ -87,13 +87,9 @@ pub(super) fn figure(bench: &Bench) -> anyhow::Result<Figure> {
 /// The mean of some values, with the 5th and 95th percentiles in place of an interval.
 fn percentiles(mut values: Vec<f64>) -> Interval {
     values.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let place = (values.len().saturating_sub(1) as f64 * share).round() as usize;
-        values.get(place).copied()
-    };
     Interval {
         value: mean(values.iter().copied()),
-        low: at(0.05),
-        high: at(0.95),
+        low: percentile(&values, 0.05),
+        high: percentile(&values, 0.95),
     }
 }

@@ -235,11 +235,10 @@ impl Tried<'_> {
             }
         }
         // Planners to which alone an option goes.
-        for (one, planner) in [("--proposals", "proposed"), ("--records", "bit-star")] {
-            if option == one {
-                arguments = without(arguments, "--planner");
-                arguments.extend(["--planner".into(), planner.into()]);
-            }
+        let planners = [("--proposals", "proposed"), ("--records", "bit-star")];
+        if let Some((_, planner)) = planners.iter().find(|it| it.0 == option) {
+            arguments = without(arguments, "--planner");
+            arguments.extend(["--planner".into(), planner.into()]);
         }
         // An option may leave the room to another one that excludes it.
         for (one, other) in [
