@@ -65,9 +65,12 @@ export async function open(browser, size, address, prepare = async () => {}) {
 
 export const hash = (bytes) => createHash("sha256").update(bytes).digest("hex");
 
+// Waits until what was changed is drawn.
+export const redrawn = (page) => page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
+
 // What a part of the page looks like, once what was changed is drawn.
 export async function look(page, selector = "body") {
-  await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
+  await redrawn(page);
   return hash(await page.locator(selector).screenshot());
 }
 

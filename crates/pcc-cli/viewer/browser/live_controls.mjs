@@ -1,6 +1,6 @@
 // Every control of the page that `pcc view --live` serves, operated while the page is paused: what a control sets is read from what the
 // page says that its newest picture shows, since a live picture moves by itself.
-import { operateEach } from "./driver.mjs";
+import { operateEach, redrawn } from "./driver.mjs";
 import { comeNearer, press, pressAt, setTime, timesOf, turn } from "./gestures.mjs";
 
 // Longest wait for what an operation is for, ms.
@@ -36,7 +36,9 @@ const isPaused = (now) => !now.follows && !now.isPlaying;
 
 export async function pause(page) {
   if (!isPaused(await shown(page))) await press(page, "#play");
-  return until(page, "is not paused", isPaused);
+  await until(page, "is not paused", isPaused);
+  await redrawn(page);
+  return shown(page);
 }
 
 const count = (now, part) => now.motions.filter((motion) => motion[part]).length;

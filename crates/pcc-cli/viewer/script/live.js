@@ -99,12 +99,7 @@ class LiveViewer extends Viewer {
 
   // A page that is paused rests: what is told meanwhile is drawn when it is operated, or goes on.
   changed() {
-    if (this.waits || !this.follows) return;
-    this.waits = true;
-    requestAnimationFrame(() => {
-      this.waits = false;
-      this.draw();
-    });
+    if (this.follows) this.draw();
   }
 
   shown() {

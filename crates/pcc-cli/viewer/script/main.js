@@ -8,7 +8,6 @@ function ready(viewer) {
   if (wanted.get("motions") === "all") viewer.switchAll(true);
   if (wanted.has("time")) viewer.goTo(Math.min(Math.max(Number(wanted.get("time")) || 0, 0), viewer.span.until_s));
   requestAnimationFrame(() => requestAnimationFrame(() => {
-    performance.mark("drawn");
     document.body.dataset.ready = "true";
   }));
 }

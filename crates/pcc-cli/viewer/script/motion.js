@@ -9,6 +9,8 @@ import { indexAt } from "./samples.js";
 
 const POINTS_OF_A_SECTION = 14;
 const POINTS_AROUND = 28;
+// Least distance between two corners of a tip path, as a share of the robot's length.
+const CORNER = 5e-3;
 
 export class Motion {
   // `time` in s, `zeta` six radians a sample, `clearance` as long as `time`; `stays`: whether the body stays at the end of its motion.
@@ -25,7 +27,9 @@ export class Motion {
     // Until a picture has them.
     this.body.visible = this.tipPath.visible = false;
     this.group.add(this.body, this.tipPath);
-    this.tips = [];
+    // Corners of the tip path, and how many samples they are of.
+    this.path = [];
+    this.walked = 0;
     // The configuration of the body; the time up to which the tip path is drawn, and when it was.
     this.shown = "";
     this.drawnUntil = this.drawnAt = -Infinity;
@@ -41,18 +45,31 @@ export class Motion {
     this.time.splice(0, old);
     this.zeta.splice(0, 6 * old);
     this.clearance.splice(0, old);
-    this.tips.splice(0, 3 * old);
+    this.walked = Math.max(this.walked - old, 0);
+    this.path = this.path.filter((corner) => corner.time >= oldest);
   }
 
   // Draws what has come since it was drawn, if that was so many milliseconds ago.
   drawTipPath(pause) {
     if (this.drawnUntil === this.time.at(-1) || performance.now() - this.drawnAt < pause) return;
     [this.drawnUntil, this.drawnAt] = [this.time.at(-1), performance.now()];
-    for (let i = this.tips.length / 3; i < this.time.length; i++) this.tips.push(...tip(this.robot.section_lengths, this.zeta, 6 * i));
-    if (this.time.length < 2) return;
-    const colours = Array.from(this.clearance).flatMap((clearance) => colourOf(clearance, this.range).toArray());
+    this.walk();
+    if (this.path.length < 2) return;
+    const colours = this.path.flatMap(({ clearance }) => colourOf(clearance, this.range).toArray());
     this.tipPath.geometry.dispose();
-    this.tipPath.geometry = new LineGeometry().setPositions(this.tips).setColors(colours);
+    this.tipPath.geometry = new LineGeometry().setPositions(this.path.flatMap(({ place }) => place.toArray())).setColors(colours);
+  }
+
+  // Adds the corners of the samples that have come: where the tip has gone on so far that it is seen, with the least clearance there.
+  walk() {
+    const lengths = this.robot.section_lengths;
+    const least = CORNER * lengths.reduce((sum, length) => sum + length, 0);
+    for (; this.walked < this.time.length; this.walked++) {
+      const corner = { time: this.time[this.walked], place: tip(lengths, this.zeta, 6 * this.walked), clearance: this.clearance[this.walked] };
+      const last = this.path.at(-1);
+      if (!last || corner.place.distanceTo(last.place) >= least) this.path.push(corner);
+      else if (corner.clearance < last.clearance) last.clearance = corner.clearance;
+    }
   }
 
   clearanceAt(time) {
@@ -84,7 +101,8 @@ export class Motion {
   drawBody(zeta) {
     this.body.children.forEach((mesh) => mesh.geometry.dispose());
     this.body.clear();
-    backbone(this.robot.section_lengths, zeta).forEach((section, index) => {
+    const sections = backbone(this.robot.section_lengths, zeta);
+    sections.forEach((section, index) => {
       const radius = this.robot.tube_radii[index];
       this.add(new THREE.TubeGeometry(section, POINTS_OF_A_SECTION, radius, POINTS_AROUND), this.material);
       const ring = new THREE.CylinderGeometry(1.01 * radius, 1.01 * radius, 0.1 * radius, 2 * POINTS_AROUND);
@@ -92,7 +110,7 @@ export class Motion {
       at.position.copy(section.getPoint(1));
       at.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), section.getTangent(1));
     });
-    const end = backbone(this.robot.section_lengths, zeta).at(-1).getPoint(1);
+    const end = sections.at(-1).getPoint(1);
     this.add(new THREE.SphereGeometry(this.robot.tube_radii.at(-1), POINTS_AROUND, 14), this.material).position.copy(end);
   }
 

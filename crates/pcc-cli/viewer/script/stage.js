@@ -6,8 +6,8 @@ import { floats } from "./samples.js";
 const DIRECTIONS = { Front: [1.4, -2, 0.8], Side: [0, -1, 0.02], Top: [0.001, 0, 1] };
 
 export class Stage {
-  // The canvas, and the length of the straight robot.
-  constructor(canvas, reach, thickness) {
+  // The canvas, the length of the straight robot, its radius, and what is done when the camera has moved.
+  constructor(canvas, reach, thickness, moved) {
     this.canvas = canvas;
     this.reach = reach;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
@@ -15,7 +15,7 @@ export class Stage {
     this.camera = new THREE.PerspectiveCamera(40, 1, 0.01 * reach, 100 * reach);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.addEventListener("change", () => this.render());
+    this.controls.addEventListener("change", moved);
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8899aa, 2.2));
     const sun = new THREE.DirectionalLight(0xffffff, 1.6);
     sun.position.set(1, -2, 3);

@@ -33,7 +33,7 @@ export class Viewer {
     this.isPlaying = false;
     this.byClearance = false;
     const reach = robot.section_lengths.reduce((sum, length) => sum + length, 0);
-    this.stage = new Stage(element("scene"), reach, robot.tube_radii[0]);
+    this.stage = new Stage(element("scene"), reach, robot.tube_radii[0], () => this.draw());
     this.obstacles = new Obstacles(solids);
     this.stage.scene.add(this.obstacles.group);
     this.motions = [];
@@ -46,7 +46,6 @@ export class Viewer {
     window.addEventListener("resize", () => this.fit());
     this.fit();
     this.stage.look("Front");
-    this.draw();
   }
 
   // What a view tells, in place of what there was; motions of the same name stay on or off.
@@ -195,15 +194,23 @@ export class Viewer {
     this.draw();
   }
 
+  // Tells the time at once; the picture comes with the browser's next frame, whatever is changed until then.
   draw() {
     const { from_s, until_s } = this.span;
     Object.assign(element("time"), { min: from_s, max: until_s, value: this.now });
     element("now").textContent = `${this.now.toFixed(2)} of ${until_s.toFixed(2)} s`;
+    this.awaited ??= requestAnimationFrame(() => {
+      this.awaited = null;
+      this.picture();
+    });
+  }
+
+  picture() {
     this.obstacles.place(this.now);
     const shown = this.motions.filter((motion) => motion.group.visible);
     for (const motion of shown) {
-      motion.tipPath.visible = this.hasTipPaths && motion.time.length > 1;
-      if (motion.tipPath.visible) motion.drawTipPath(TIP_PATH_MS);
+      if (this.hasTipPaths) motion.drawTipPath(TIP_PATH_MS);
+      motion.tipPath.visible = this.hasTipPaths && motion.path.length > 1;
       motion.place(this.now, this.byClearance, this.hasBodies);
     }
     const there = shown.filter((motion) => motion.isThere(this.now));
