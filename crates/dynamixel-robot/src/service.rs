@@ -138,24 +138,8 @@ pub fn run(
         position_m: measured_m,
         velocity_m_s: [0.0; TENDONS],
     };
-    let rounds = turns.len() as u32;
-    let longest_cycle = Duration::from_nanos(longest_cycle_ns(config.period).unsigned_abs());
-    // Three rounds without an answer, and one in which the driver was held up in every cycle.
-    let silent_after = config
-        .silent_after
-        .max(3 * rounds * config.period)
-        .max((rounds + 1) * longest_cycle);
-    let watchdog = Some(u32::from(config.bus_watchdog) * WATCHDOG_MS)
-        .filter(|watchdog_ms| *watchdog_ms > 0)
-        .map(|watchdog_ms| Duration::from_millis(watchdog_ms.into()));
-    let patience = Patience {
-        silent_after,
-        // A servo that has answered in turn was not silent.
-        marks_after: watchdog
-            .map_or(silent_after, |it| it.max((rounds + 1) * config.period))
-            .min(silent_after),
-        longest_cycle,
-    };
+    let watchdog = watchdog(config);
+    let patience = patience(config, turns.len() as u32, watchdog);
     let process = Process {
         driver: connection.drive_until(shutdown, &state),
         health: Health::new(bus.count(), patience, Instant::now()),
@@ -181,6 +165,30 @@ pub fn run(
         warn!("{refused}");
     }
     process.serve()
+}
+
+/// Time without a packet after which a servo's watchdog stops it.
+fn watchdog(config: &DynamixelConfig) -> Option<Duration> {
+    let watchdog_ms = u32::from(config.bus_watchdog) * WATCHDOG_MS;
+    (watchdog_ms > 0).then(|| Duration::from_millis(watchdog_ms.into()))
+}
+
+/// How long is waited for servos of which each is read once in so many cycles.
+fn patience(config: &DynamixelConfig, rounds: u32, watchdog: Option<Duration>) -> Patience {
+    let longest_cycle = Duration::from_nanos(longest_cycle_ns(config.period).unsigned_abs());
+    // Three rounds without an answer, and one in which the driver was held up in every cycle.
+    let silent_after = config
+        .silent_after
+        .max(3 * rounds * config.period)
+        .max((rounds + 1) * longest_cycle);
+    // A servo that has answered in turn was not silent.
+    let turn = (rounds + 1) * config.period;
+    let marks_after = watchdog.map_or(silent_after, |it| it.max(turn).min(silent_after));
+    Patience {
+        silent_after,
+        marks_after,
+        longest_cycle,
+    }
 }
 
 /// Checks that no servo was without power since homing.

@@ -194,13 +194,7 @@ impl GoalKeeper {
         if is_planning || now_mono_ns < kept.next_plan_mono_ns(has_jumped) {
             return None;
         }
-        let target = Target {
-            given_mono_ns: kept.newest.given_mono_ns,
-            goal: kept
-                .anticipation
-                .aim(&kept.newest, &self.robot, robot, now_mono_ns),
-            limits_scale: kept.newest.limits_scale,
-        };
+        let target = kept.target(&self.robot, robot, now_mono_ns);
         let is_blocked = matches!(robot, RobotMotion::Following(followed) if followed.is_blocked);
         kept.is_blocked = is_blocked;
         if let RobotMotion::Holding(_) = robot {
@@ -210,11 +204,7 @@ impl GoalKeeper {
         } else {
             kept.rests_since_mono_ns = None;
         }
-        let is_nearby = kept
-            .last_planned_for
-            .filter(|last| last.given_mono_ns == target.given_mono_ns)
-            .is_some_and(|last| are_nearby(&last.goal, &target.goal, &self.robot));
-        if is_nearby && gathers_speed(robot, now_mono_ns) {
+        if kept.was_planned_nearby(&target, &self.robot) && gathers_speed(robot, now_mono_ns) {
             return None;
         }
         let is_new = is_blocked || kept.last_planned_for != Some(target);

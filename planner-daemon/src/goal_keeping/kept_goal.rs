@@ -132,6 +132,28 @@ impl KeptGoal {
         self.next_jump_mono_ns = 0;
     }
 
+    /// What a plan that begins now is for.
+    pub(super) fn target(
+        &mut self,
+        unit: &UnitRobot,
+        robot: &RobotMotion,
+        now_mono_ns: i64,
+    ) -> Target {
+        let newest = &self.newest;
+        Target {
+            given_mono_ns: newest.given_mono_ns,
+            goal: self.anticipation.aim(newest, unit, robot, now_mono_ns),
+            limits_scale: newest.limits_scale,
+        }
+    }
+
+    /// Whether the last plan was for the goal as it was given, and ended nearby.
+    pub(super) fn was_planned_nearby(&self, target: &Target, unit: &UnitRobot) -> bool {
+        self.last_planned_for
+            .filter(|last| last.given_mono_ns == target.given_mono_ns)
+            .is_some_and(|last| are_nearby(&last.goal, &target.goal, unit))
+    }
+
     pub(super) fn is_headed_for(&self, target: &Target) -> bool {
         let heading = self.headings.last();
         heading.is_some_and(|heading| heading.target.is_same(target))
