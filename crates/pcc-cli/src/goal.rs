@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use anyhow::bail;
-use clap::{ArgAction, Args};
+use clap::{ArgAction, ArgGroup, Args};
 use client::GoalSender;
 use shared_types::capacity::DOF;
 use shared_types::codes::GoalState;
@@ -20,12 +20,13 @@ const LOOK_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Arguments of `pcc goal`.
 #[derive(Args)]
+#[command(group(ArgGroup::new("goal").required(true)))]
 pub(crate) struct Arguments {
     /// Tip position to reach, metres (-1000 to 1000), base frame.
-    #[arg(long, num_args = 3, action = ArgAction::Set, value_parser = number::metres(), value_names = ["X", "Y", "Z"], required_unless_present = "configuration")]
+    #[arg(long, num_args = 3, action = ArgAction::Set, value_parser = number::metres(), value_names = ["X", "Y", "Z"], group = "goal")]
     tip: Option<Vec<f64>>,
     /// Configuration to reach instead, radians (-π to π, and within the robot's bending limit).
-    #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = number::radians(), value_name = "RAD", conflicts_with = "tip")]
+    #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = number::radians(), value_name = "RAD", group = "goal")]
     configuration: Option<Vec<f64>>,
     /// Share of the tendon limits to use (1e-9 to 1).
     #[arg(long, default_value_t = 1.0, value_parser = number::limits_scale())]

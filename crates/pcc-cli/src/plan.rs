@@ -9,7 +9,7 @@ use crate::number::{self, balls_of};
 use crate::option_faults::MotionOptions;
 use crate::sampler::{samplers, selections};
 use anyhow::{anyhow, bail};
-use clap::{ArgAction, Args};
+use clap::{ArgAction, ArgGroup, Args};
 use client::{Client, PlanAnswer};
 use shared_types::capacity::{DOF, MAX_CANDIDATES, MAX_GOALS};
 use shared_types::clock::mono_now_ns;
@@ -29,10 +29,11 @@ const LONGEST_BEGIN_IN_S: f64 = 600.0;
 
 /// Arguments of `pcc plan`.
 #[derive(Args)]
+#[command(group(ArgGroup::new("goal").required(true)))]
 pub(crate) struct Arguments {
     /// Tip position to reach, metres (-1000 to 1000), base frame; may be given up to 8 times: the tip passes the first ones, without rest
     /// where that is certified.
-    #[arg(long, num_args = 3, action = ArgAction::Append, value_parser = number::metres(), value_names = ["X", "Y", "Z"], required_unless_present = "configuration")]
+    #[arg(long, num_args = 3, action = ArgAction::Append, value_parser = number::metres(), value_names = ["X", "Y", "Z"], group = "goal")]
     tip: Option<Vec<f64>>,
     /// Configuration to reach instead, radians (-π to π, and within the robot's bending limit); may be given up to 8 times, as --tip.
     #[arg(
@@ -41,7 +42,7 @@ pub(crate) struct Arguments {
         action = ArgAction::Append,
         value_parser = number::radians(),
         value_name = "RAD",
-        conflicts_with = "tip"
+        group = "goal"
     )]
     configuration: Option<Vec<f64>>,
     /// Start configuration, radians (as --configuration); without it, where the robot is: where it holds, or on its motion.
