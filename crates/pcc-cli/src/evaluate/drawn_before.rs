@@ -5,12 +5,14 @@ use crate::cases_hash::hash_of;
 use crate::hash_text::hexadecimal;
 use anyhow::{Context, ensure};
 use datasets::Case;
+use input_files::read_text;
 use pcc_model::{Configuration, DOF};
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::fs;
 use std::path::{Path, PathBuf};
 
+/// Most bytes of a file of records: those of 250 cases have 3 million.
+const MOST_BYTES: u64 = 1_000_000_000;
 /// Largest difference of a path's first corner from its case's start, rad.
 const SAME_START_RAD: f64 = 1e-6;
 
@@ -44,8 +46,7 @@ impl Records {
     pub(super) fn read(file: &Path) -> anyhow::Result<Self> {
         let shown = file.display();
         let needed = "records of pcc compare are needed (DIR/cases/SET-PLANNER.jsonl)";
-        let text = fs::read_to_string(file)
-            .with_context(|| format!("cannot read {shown} as text; {needed}"))?;
+        let text = read_text(file, MOST_BYTES).context(needed)?;
         let mut lines = text.lines().zip(1..);
         let first = lines.next().map_or("", |(line, _)| line);
         let header: Value = serde_json::from_str(first).unwrap_or_default();
@@ -130,6 +131,7 @@ mod tests {
     use super::*;
     use collision::Scene;
     use pcc_model::Point;
+    use std::fs;
 
     const START: [f64; DOF] = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0];
 

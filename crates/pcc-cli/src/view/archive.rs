@@ -28,7 +28,7 @@ pub(super) fn read(
     let cases = shape.first().copied().unwrap_or(0) as usize;
     ensure!(
         case < cases,
-        "--case {case}: {} has {cases} cases, the first of which is 0",
+        "--case {case}: {} has {cases} cases; the first is 0, and a number below {cases} is needed",
         file.display()
     );
     let (candidates, knots) = (shape[1] as usize, shape[2] as usize);

@@ -290,6 +290,7 @@ fn fault(option: &Listed, value: &str) -> Fault {
     Fault::option(name, value)
         .or_key(name.trim_start_matches("--"))
         .or_key(&name.to_lowercase())
+        .or_value("cannot be used with")
 }
 
 /// Options that may be given several times.
@@ -363,13 +364,12 @@ fn wrong_values(option: &Listed, wanted: &Wanted) -> Vec<Given> {
         "-9223372036854775809",
         "340282366920938463463374607431768211456",
     ];
-    let long = "9".repeat(100_000);
     let mut texts: Vec<String> = no_numbers
         .iter()
         .chain(&numbers)
         .map(|t| (*t).to_owned())
         .collect();
-    texts.push(long);
+    texts.push("9".repeat(100_000));
     // Nothing after a lone `--` is no mistake where a value may be left out.
     texts.retain(|text| text != "--" || !option.name.starts_with('['));
     let mut all = Vec::new();

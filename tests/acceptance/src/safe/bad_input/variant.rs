@@ -167,7 +167,8 @@ impl Fault {
     /// What of this the text does not say.
     fn missing(&self, text: &str) -> Vec<&'static str> {
         let mut missing = Vec::new();
-        if !text.contains(&self.file) {
+        let file: String = self.file.chars().take(SHOWN_OF_A_PATH).collect();
+        if !text.contains(&file) {
             missing.push("the file");
         }
         if !self.names_key(text) {
@@ -238,6 +239,8 @@ const UNREADABLE: &[&str] = &[
 ];
 /// Of a long value, so many bytes must be shown.
 const SHOWN: usize = 12;
+/// Of a long path, so many characters must be shown.
+const SHOWN_OF_A_PATH: usize = 100;
 
 fn says_value(text: &str, value: &str) -> bool {
     match value.replace('_', "").parse::<f64>() {

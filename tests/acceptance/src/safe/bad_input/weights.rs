@@ -30,7 +30,7 @@ const KEYS: &[Key] = &[
     needed("fast.description", Rule::Text),
     needed("fast.updates", Rule::Whole(0, i64::MAX)),
     needed("fast.training_seconds", Rule::Whole(0, i64::MAX)),
-    optional("fast.training_seeds", Rule::OneOf(&[])),
+    optional("fast.training_seeds", Rule::Wholes(0, i64::MAX)),
     optional("fast.measured", Rule::OneOf(&[])),
 ];
 
