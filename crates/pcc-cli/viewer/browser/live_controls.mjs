@@ -27,6 +27,8 @@ export async function until(page, wrong, holds, ms = WAIT_MS) {
 
 // Does something, and waits for a newer picture that shows what is wanted.
 async function leads(page, act, wrong, holds) {
+  // What was changed before has its own picture.
+  await redrawn(page);
   const before = await shown(page);
   await act();
   return until(page, wrong, (now) => now.pictures > before.pictures && holds(now, before));

@@ -53,22 +53,27 @@ export class Motion {
   drawTipPath(pause) {
     if (this.drawnUntil === this.time.at(-1) || performance.now() - this.drawnAt < pause) return;
     [this.drawnUntil, this.drawnAt] = [this.time.at(-1), performance.now()];
+    if (this.time.length < 2) return;
     this.walk();
-    if (this.path.length < 2) return;
-    const colours = this.path.flatMap(({ clearance }) => colourOf(clearance, this.range).toArray());
+    const corners = [...this.path, this.corner(this.time.length - 1)];
+    const colours = corners.flatMap(({ clearance }) => colourOf(clearance, this.range).toArray());
     this.tipPath.geometry.dispose();
-    this.tipPath.geometry = new LineGeometry().setPositions(this.path.flatMap(({ place }) => place.toArray())).setColors(colours);
+    this.tipPath.geometry = new LineGeometry().setPositions(corners.flatMap(({ place }) => place.toArray())).setColors(colours);
+  }
+
+  corner(index) {
+    return { time: this.time[index], place: tip(this.robot.section_lengths, this.zeta, 6 * index), clearance: this.clearance[index] };
   }
 
   // Adds the corners of the samples that have come: where the tip has gone on so far that it is seen, with the least clearance there.
   walk() {
-    const lengths = this.robot.section_lengths;
-    const least = CORNER * lengths.reduce((sum, length) => sum + length, 0);
+    const least = CORNER * this.robot.section_lengths.reduce((sum, length) => sum + length, 0);
     for (; this.walked < this.time.length; this.walked++) {
-      const corner = { time: this.time[this.walked], place: tip(lengths, this.zeta, 6 * this.walked), clearance: this.clearance[this.walked] };
+      const corner = this.corner(this.walked);
       const last = this.path.at(-1);
       if (!last || corner.place.distanceTo(last.place) >= least) this.path.push(corner);
-      else if (corner.clearance < last.clearance) last.clearance = corner.clearance;
+      // Without obstacles there is no clearance.
+      else if (Number.isFinite(corner.clearance) && !(last.clearance <= corner.clearance)) last.clearance = corner.clearance;
     }
   }
 

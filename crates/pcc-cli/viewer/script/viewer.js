@@ -209,8 +209,8 @@ export class Viewer {
     this.obstacles.place(this.now);
     const shown = this.motions.filter((motion) => motion.group.visible);
     for (const motion of shown) {
-      if (this.hasTipPaths) motion.drawTipPath(TIP_PATH_MS);
-      motion.tipPath.visible = this.hasTipPaths && motion.path.length > 1;
+      motion.tipPath.visible = this.hasTipPaths && motion.time.length > 1;
+      if (motion.tipPath.visible) motion.drawTipPath(TIP_PATH_MS);
       motion.place(this.now, this.byClearance, this.hasBodies);
     }
     const there = shown.filter((motion) => motion.isThere(this.now));

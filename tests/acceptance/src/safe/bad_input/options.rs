@@ -290,7 +290,7 @@ fn fault(option: &Listed, value: &str) -> Fault {
     Fault::option(name, value)
         .or_key(name.trim_start_matches("--"))
         .or_key(&name.to_lowercase())
-        .or_value("cannot be used with")
+        .or_value("used with '--")
 }
 
 /// Options that may be given several times.
