@@ -21,7 +21,7 @@ use std::panic;
 use std::process::{ExitCode, abort};
 use std::sync::{Arc, OnceLock};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use iceoryx2::prelude::{LogLevel, set_logger};
 use iceoryx2_log_types::Log;
@@ -115,39 +115,41 @@ pub fn with_causes(error: &(dyn Error + 'static)) -> String {
 
 /// The exit code of `program`: 0, or 1 after the reason on standard error. Waits for the log to be written, but not long.
 pub fn exit_code<E: AsRef<dyn Error>>(program: &str, result: Result<(), E>) -> ExitCode {
-    let (code, timeout) = match result {
-        Ok(()) => (ExitCode::SUCCESS, FLUSH_TIMEOUT),
-        Err(error) => {
-            say(&format!("{program}: {}", with_causes(error.as_ref())));
-            (ExitCode::FAILURE, FLUSH_TIMEOUT_AFTER_ERROR)
+    match result {
+        Ok(()) => {
+            if let Some(queue) = QUEUE.get() {
+                queue.wait_until_written(FLUSH_TIMEOUT);
+            }
+            ExitCode::SUCCESS
         }
-    };
-    if let Some(queue) = QUEUE.get() {
-        queue.wait_until_written(timeout);
+        Err(error) => {
+            let reason = format!("{program}: {}", with_causes(error.as_ref()));
+            say_last(&reason, FLUSH_TIMEOUT_AFTER_ERROR);
+            ExitCode::FAILURE
+        }
     }
-    code
 }
 
-/// A line of its own, without time and level.
-fn say(text: &str) {
-    match QUEUE.get() {
-        Some(queue) => queue.push(format!("{text}\n").into_bytes()),
-        None => eprintln!("{text}"),
-    }
+/// Says a line without time and level, and waits until the log is written, both within a time.
+fn say_last(text: &str, limit: Duration) {
+    let Some(queue) = QUEUE.get() else {
+        return eprintln!("{text}");
+    };
+    let begin = Instant::now();
+    queue.push_within(format!("{text}\n").into_bytes(), limit);
+    queue.wait_until_written(limit.saturating_sub(begin.elapsed()));
 }
 
 /// The standard library's own report would hold the thread on a full pipe.
 fn report_panic(panic: &panic::PanicHookInfo<'_>) {
     let thread = thread::current();
     let name = thread.name().unwrap_or("<unnamed>");
-    say(&format!("thread '{name}' {panic}"));
+    let mut text = format!("thread '{name}' {panic}");
     let trace = Backtrace::capture();
     if trace.status() == BacktraceStatus::Captured {
-        say(&trace.to_string());
+        text = format!("{text}\n{trace}");
     }
-    if let Some(queue) = QUEUE.get() {
-        queue.wait_until_written(FLUSH_TIMEOUT_IN_PANIC);
-    }
+    say_last(&text, FLUSH_TIMEOUT_IN_PANIC);
 }
 
 /// iceoryx2's lines among the others.

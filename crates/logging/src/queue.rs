@@ -44,21 +44,39 @@ impl Queue {
 
     /// Appends a line, cut to `LONGEST` bytes, and wakes the writer; counts it as lost where the queue is full or its lock is not free
     /// soon.
-    pub(crate) fn push(&self, mut line: Vec<u8>) {
+    pub(crate) fn push(&self, line: Vec<u8>) {
+        self.push_within(line, Duration::ZERO);
+    }
+
+    /// The same for a line that may wait so long for its place: what a program says last.
+    pub(crate) fn push_within(&self, mut line: Vec<u8>, limit: Duration) {
         if line.len() > LONGEST {
             line.truncate(LONGEST);
             line.extend_from_slice(b"...\n");
         }
-        let room = self.lock_soon().filter(|waiting| waiting.len() < LINES);
-        let Some(mut waiting) = room else {
-            self.lost.fetch_add(1, Ordering::Relaxed);
-            return;
-        };
-        waiting.push_back(line);
-        self.queued.fetch_add(1, Ordering::Release);
-        drop(waiting);
+        let begin = Instant::now();
+        while let Err(refused) = self.try_push(line) {
+            if begin.elapsed() >= limit {
+                self.lost.fetch_add(1, Ordering::Relaxed);
+                return;
+            }
+            line = refused;
+            thread::sleep(Duration::from_millis(1));
+        }
         if let Some(writer) = self.writer.get() {
             writer.unpark();
+        }
+    }
+
+    /// Gives the line back where there is no room, or the lock is not free soon.
+    fn try_push(&self, line: Vec<u8>) -> Result<(), Vec<u8>> {
+        match self.lock_soon() {
+            Some(mut waiting) if waiting.len() < LINES => {
+                waiting.push_back(line);
+                self.queued.fetch_add(1, Ordering::Release);
+                Ok(())
+            }
+            _ => Err(line),
         }
     }
 
@@ -203,6 +221,22 @@ mod tests {
         let held = queue.waiting.lock().unwrap();
         queue.push(b"line\n".to_vec());
         drop(held);
+        assert_eq!(queue.lost.load(Ordering::Relaxed), 1);
+    }
+
+    #[test]
+    fn what_a_program_says_last_waits_for_the_queue() {
+        let queue = Queue::new();
+        let held = queue.waiting.lock().unwrap();
+        queue.push(b"lost\n".to_vec());
+        thread::scope(|scope| {
+            let last =
+                scope.spawn(|| queue.push_within(b"last\n".to_vec(), Duration::from_secs(60)));
+            thread::sleep(Duration::from_millis(20));
+            assert!(!last.is_finished());
+            drop(held);
+        });
+        assert_eq!(*queue.waiting.lock().unwrap(), [b"last\n".to_vec()]);
         assert_eq!(queue.lost.load(Ordering::Relaxed), 1);
     }
 
