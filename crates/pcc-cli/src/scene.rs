@@ -52,8 +52,10 @@ fn explained(error: ClientError) -> anyhow::Error {
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let Action::Leave { source } = &arguments.action;
     let mut publisher = ScenePublisher::connect(&IpcOptions::from_env(), source)?;
-    publisher.take_leave()?;
-    publisher.confirm(TIMEOUT).map_err(explained)?;
+    // A verdict may be there before the scene's sending has returned.
+    let sent = publisher.take_leave();
+    let judged = sent.and_then(|()| publisher.confirm(TIMEOUT));
+    judged.map_err(explained)?;
     say!("source {source:?} is signed off");
     Ok(())
 }
