@@ -10,5 +10,5 @@ mod settings;
 mod text;
 
 pub use file::{InputFile, InputFileError, read_bytes, read_text};
-pub use settings::{MAX_SETTINGS_BYTES, SettingsError, SettingsFile, readable};
+pub use settings::{MAX_SETTINGS_BYTES, SettingsError, SettingsFile, named, readable};
 pub use text::{shortened, shown};

@@ -2,7 +2,8 @@
 
 use crate::file::{InputFileError, read_text};
 use crate::text::{shortened, shown};
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, IntoDeserializer};
+use serde::{Deserialize, Deserializer};
 use std::borrow::Cow;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -130,6 +131,17 @@ macro_rules! settings_file {
             }
         }
     };
+}
+
+/// Reads one of the names of an enumeration, for `#[serde(deserialize_with)]`: what is refused of any type is told with what is expected,
+/// which a parser of TOML does not do.
+///
+/// # Errors
+/// The parser's.
+pub fn named<'de, T: DeserializeOwned, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<T, D::Error> {
+    T::deserialize(String::deserialize(deserializer)?.into_deserializer())
 }
 
 /// What a parser says, and what is allowed where it does not say so.

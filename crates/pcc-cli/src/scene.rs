@@ -53,9 +53,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let Action::Leave { source } = &arguments.action;
     let mut publisher = ScenePublisher::connect(&IpcOptions::from_env(), source)?;
     // A verdict may be there before the scene's sending has returned.
-    let sent = publisher.take_leave();
-    let judged = sent.and_then(|()| publisher.confirm(TIMEOUT));
-    judged.map_err(explained)?;
+    publisher
+        .take_leave()
+        .and_then(|()| publisher.confirm(TIMEOUT))
+        .map_err(explained)?;
     say!("source {source:?} is signed off");
     Ok(())
 }

@@ -132,7 +132,7 @@ impl KeptGoal {
         self.next_jump_mono_ns = 0;
     }
 
-    /// What a plan that begins now is for.
+    /// What a plan that begins now is for: where a goal that moves will be.
     pub(super) fn target(
         &mut self,
         unit: &UnitRobot,
@@ -147,7 +147,7 @@ impl KeptGoal {
         }
     }
 
-    /// Whether the last plan was for the goal as it was given, and ended nearby.
+    /// Whether the last plan was for this goal, and for a place near the target.
     pub(super) fn was_planned_nearby(&self, target: &Target, unit: &UnitRobot) -> bool {
         self.last_planned_for
             .filter(|last| last.given_mono_ns == target.given_mono_ns)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use denoiser::{Precision, Solver};
-use input_files::{MAX_SETTINGS_BYTES, SettingsError, SettingsFile, read_text};
+use input_files::{MAX_SETTINGS_BYTES, SettingsError, SettingsFile, named, read_text};
 use planning::DiffusionSettings;
 use serde::Deserialize;
 use shared_types::capacity::{MAX_CANDIDATES, MAX_KNOTS};
@@ -86,10 +86,12 @@ pub struct DiffusionConfig {
     /// Name of the weights in the manifest.
     pub model: String,
     /// How noise is removed.
+    #[serde(deserialize_with = "named")]
     pub solver: Solver,
     /// Evaluations of the network.
     pub steps: usize,
     /// Arithmetic of the network's products.
+    #[serde(deserialize_with = "named")]
     pub precision: Precision,
 }
 

@@ -19,24 +19,12 @@ pub trait Denoiser {
 
 /// The solver that takes the reverse diffusion from one step to the next.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
-#[serde(try_from = "String")]
+#[serde(rename_all = "kebab-case")]
 pub enum Solver {
     /// Deterministic DDIM.
     Ddim,
     /// DPM-Solver++(2M): second order, on the clean estimates.
     DpmSolver,
-}
-
-impl TryFrom<String> for Solver {
-    type Error = &'static str;
-
-    fn try_from(name: String) -> Result<Self, Self::Error> {
-        match name.as_str() {
-            "ddim" => Ok(Self::Ddim),
-            "dpm-solver" => Ok(Self::DpmSolver),
-            _ => Err("`ddim` or `dpm-solver` is needed"),
-        }
-    }
 }
 
 impl fmt::Display for Solver {

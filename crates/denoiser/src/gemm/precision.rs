@@ -6,24 +6,12 @@ use std::fmt;
 
 /// The number format of the factors of a product; sums are always f32.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
-#[serde(try_from = "String")]
+#[serde(rename_all = "lowercase")]
 pub enum Precision {
     /// f32: 24 significant bits.
     F32,
     /// bf16: the range of f32 with 8 significant bits.
     Bf16,
-}
-
-impl TryFrom<String> for Precision {
-    type Error = &'static str;
-
-    fn try_from(name: String) -> Result<Self, Self::Error> {
-        match name.as_str() {
-            "f32" => Ok(Self::F32),
-            "bf16" => Ok(Self::Bf16),
-            _ => Err("`f32` or `bf16` is needed"),
-        }
-    }
 }
 
 impl fmt::Display for Precision {

@@ -47,6 +47,9 @@ export function backbone(lengths, zeta, at = 0) {
   });
 }
 
+// The length of the robot.
+export const reach = (lengths) => lengths.reduce((sum, length) => sum + length, 0);
+
 export function tip(lengths, zeta, at = 0) {
   return backbone(lengths, zeta, at).at(-1).getPoint(1);
 }

@@ -3,7 +3,7 @@ import * as THREE from "three";
 import { Line2 } from "three/examples/jsm/lines/Line2.js";
 import { LineGeometry } from "three/examples/jsm/lines/LineGeometry.js";
 import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
-import { backbone, tip } from "./backbone.js";
+import { backbone, reach, tip } from "./backbone.js";
 import { colourOf } from "./colours.js";
 import { indexAt } from "./samples.js";
 
@@ -65,14 +65,14 @@ export class Motion {
     return { time: this.time[index], place: tip(this.robot.section_lengths, this.zeta, 6 * index), clearance: this.clearance[index] };
   }
 
-  // Adds the corners of the samples that have come: where the tip has gone on so far that it is seen, with the least clearance there.
+  // Adds the corners of the samples that have come: where the tip has gone on so far that it is seen, with the least clearance there; none
+  // is no number.
   walk() {
-    const least = CORNER * this.robot.section_lengths.reduce((sum, length) => sum + length, 0);
+    const least = CORNER * reach(this.robot.section_lengths);
     for (; this.walked < this.time.length; this.walked++) {
       const corner = this.corner(this.walked);
       const last = this.path.at(-1);
       if (!last || corner.place.distanceTo(last.place) >= least) this.path.push(corner);
-      // Without obstacles there is no clearance.
       else if (Number.isFinite(corner.clearance) && !(last.clearance <= corner.clearance)) last.clearance = corner.clearance;
     }
   }

@@ -1,4 +1,5 @@
 // The page's picture, its controls and the time that is shown. Positions are in metres, or section lengths, in the base frame, z up.
+import { reach } from "./backbone.js";
 import { HUES, colourOf } from "./colours.js";
 import { Motion } from "./motion.js";
 import { Plot } from "./plot.js";
@@ -32,8 +33,7 @@ export class Viewer {
     this.now = 0;
     this.isPlaying = false;
     this.byClearance = false;
-    const reach = robot.section_lengths.reduce((sum, length) => sum + length, 0);
-    this.stage = new Stage(element("scene"), reach, robot.tube_radii[0], () => this.draw());
+    this.stage = new Stage(element("scene"), reach(robot.section_lengths), robot.tube_radii[0], () => this.draw());
     this.obstacles = new Obstacles(solids);
     this.stage.scene.add(this.obstacles.group);
     this.motions = [];
@@ -221,7 +221,7 @@ export class Viewer {
     if (curves) this.plot.draw(curves, this.marks, this.now);
   }
 
-  // What the newest picture has, and how many there were: for a program that looks at the page.
+  // What the page shows, and how many pictures there were: for a program that looks at it. What has just changed is in the next picture.
   shown() {
     const { camera, controls, ground, renderer } = this.stage;
     return {

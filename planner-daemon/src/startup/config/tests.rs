@@ -119,6 +119,7 @@ fn a_diffusion_model_needs_a_folder_and_all_of_its_keys() {
     for (key, wrong, named) in [
         (0, "models = \"mixed\"", "unknown field `models`"),
         (1, "solver = \"euler\"", "`ddim` or `dpm-solver`"),
+        (1, "solver = 1.5", "`1.5`, expected a string"),
         (2, "steps = 0", "diffusion.steps = 0"),
         (2, "steps = 1001", "diffusion.steps = 1001"),
         (3, "precision = \"f16\"", "`f32` or `bf16`"),

@@ -13,6 +13,7 @@ mod dataset_files;
 mod datasets;
 mod environment;
 mod keys;
+mod listed_option;
 mod made_files;
 mod models;
 mod npz;

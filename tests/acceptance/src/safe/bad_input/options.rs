@@ -14,19 +14,11 @@ use tests::stack::{PATIENCE, Stack};
 use tests::trial::Start;
 
 use super::damage;
+use super::listed_option::Listed;
 use super::made_files::{environment_of, made, make_files};
 use super::option_rules::{COMMANDS, Command};
 use super::variant::{Expected, Fault, Variant};
 use super::wanted::Wanted;
-
-/// An option as the help lists it.
-struct Listed {
-    name: String,
-    /// Values that follow it.
-    values: usize,
-    /// The names that are allowed, where it is a choice.
-    choices: Vec<String>,
-}
 
 /// All that is tried of the command line; what has no rule is named.
 pub(super) fn variants(stack: &Stack) -> (Vec<Variant>, Vec<String>) {
@@ -282,15 +274,7 @@ fn without(arguments: Vec<OsString>, option: &str) -> Vec<OsString> {
 }
 
 fn refused(option: &Listed, value: &str) -> Expected {
-    Expected::Refused(vec![fault(option, value)])
-}
-
-fn fault(option: &Listed, value: &str) -> Fault {
-    let name = option.name.trim_matches(['<', '>', '[', ']']);
-    Fault::option(name, value)
-        .or_key(name.trim_start_matches("--"))
-        .or_key(&name.to_lowercase())
-        .or_value("used with '--")
+    Expected::Refused(vec![option.fault(value)])
 }
 
 /// Options that may be given several times.
@@ -379,8 +363,8 @@ fn wrong_values(option: &Listed, wanted: &Wanted) -> Vec<Given> {
             values[place].clone_from(&text);
             let expected = match wanted.opinion(&text, place, &option.choices) {
                 Some(true) if wanted.is_long(&text) => continue,
-                Some(true) => Expected::Either(vec![fault_of(wanted, option, &text)]),
-                Some(false) => Expected::Refused(vec![fault_of(wanted, option, &text)]),
+                Some(true) => Expected::Either(vec![option.fault_of(wanted, &text)]),
+                Some(false) => Expected::Refused(vec![option.fault_of(wanted, &text)]),
                 None => continue,
             };
             let values = values.iter().map(OsString::from).collect();
@@ -408,23 +392,6 @@ fn wrong_values(option: &Listed, wanted: &Wanted) -> Vec<Given> {
     all
 }
 
-fn fault_of(wanted: &Wanted, option: &Listed, text: &str) -> Fault {
-    // Of a list its first wrong value.
-    let told = match option.name.as_str() {
-        "--planners" | "--figures" => text.split(',').next().unwrap_or_default(),
-        _ => text,
-    };
-    let mut fault = fault(option, told.trim());
-    for alias in wanted.aliases() {
-        fault = fault.or_key(alias);
-    }
-    // clap calls a value that looks like an option an unexpected argument.
-    if text.starts_with('-') {
-        fault = fault.or_key(text);
-    }
-    fault
-}
-
 /// The first and the last of an option's values.
 fn places_for(values: usize) -> BTreeSet<usize> {
     BTreeSet::from([0, values - 1])
@@ -442,9 +409,9 @@ fn wrong_paths(option: &Listed, wanted: &Wanted) -> Vec<Given> {
             // An empty path has no name but its option's.
             Fault {
                 is_unreadable: true,
-                ..fault(option, path)
+                ..option.fault(path)
             },
-            fault(option, path),
+            option.fault(path),
         ]),
         prepare,
     };
